@@ -1,0 +1,37 @@
+# One environment, .venv, built from the lock; every target sets it up first and may be run again.
+.DELETE_ON_ERROR:
+.PHONY: run test test-slow lint lock clean
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+ifneq ($(wildcard ../shared/data),)
+export AIRCL_DATA ?= $(abspath ../shared/data)
+endif
+
+run: $(INSTALLED)
+	$(BIN)/python -m experiments.run env=gridworld overwrite=true
+
+test: $(INSTALLED)
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(INSTALLED)
+	$(BIN)/python -m pytest -m slow
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+lock: $(INSTALLED)  # needs uv; resolves pyproject.toml anew
+	uv pip compile pyproject.toml --extra test --universal --fork-strategy fewest --python-version 3.11 \
+	    --generate-hashes --no-header --no-annotate --upgrade --output-file requirements.lock
+
+clean:
+	rm -rf .venv build *.egg-info
+
+$(INSTALLED): requirements.lock pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
