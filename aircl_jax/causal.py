@@ -32,7 +32,7 @@ class CachedParCorr(CondIndTest):
     """Partial correlation from one lagged correlation matrix, on the samples that tigramite's ParCorr takes.
 
     ρ(x, y | Z) = (C_xy − C_xZ C_ZZ⁺ C_Zy) / √(s_x s_y), s_x = C_xx − C_xZ C_ZZ⁺ C_Zx, by least squares; the analytic
-    t-test has `samples − 2 − |Z|` degrees of freedom. Constant columns: value 0, p 1, no degree of freedom (as ParCorr).
+    t-test has `samples − 2 − |Z|` degrees of freedom. Constant columns: value 0, p 1, no degree of freedom.
     """
 
     def __init__(self, **settings: Any) -> None:
