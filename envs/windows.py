@@ -43,6 +43,7 @@ class Windows(NamedTuple):
     close: Int[np.ndarray, "N L"]  # neighbours
     distant: Int[np.ndarray, "N L"]
     recording: Shaped[np.ndarray, " N"]
+    site: Shaped[np.ndarray, " N"]
     names: tuple[str, ...]  # of the codes
     places: tuple[str, ...]
     report: Report
@@ -182,6 +183,7 @@ def cut_windows(coded: Coded, tracks: Tracks, horizon: int = 30) -> Windows:
         close=coded.tracks.close[rows],
         distant=coded.tracks.distant[rows],
         recording=coded.tracks.recording[starts],
+        site=coded.tracks.site[starts],
         names=coded.names,
         places=coded.places,
         report=report,

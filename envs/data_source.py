@@ -1,0 +1,26 @@
+"""Where the animals' data are: `env.data`, else the variable AIRCL_DATA, else nowhere: a simulated stand-in serves."""
+
+import os
+from pathlib import Path
+
+VARIABLE = "AIRCL_DATA"  # a folder with meerkat/ and labyrinth/ in it
+
+
+def data_folder(setting: str, name: str) -> Path | None:
+    """The folder of one animal's data, None for the simulated stand-in. ValueError for a folder that is not there.
+
+    `setting` is a folder (or one that holds a folder `name`), `simulated`, or `default`: the variable's, if it is set.
+    """
+    if setting == "simulated" or (setting == "default" and not os.environ.get(VARIABLE)):
+        return None
+    if setting == "default":
+        folder = Path(os.environ[VARIABLE]) / name
+        if not folder.is_dir():
+            raise ValueError(
+                f"{VARIABLE}={os.environ[VARIABLE]}: no folder {name} in it; set env.data=DIR or simulated"
+            )
+        return folder
+    folder = Path(setting)
+    if not folder.is_dir():
+        raise ValueError(f"env.data={setting}: no such folder; give a folder, or simulated")
+    return folder / name if (folder / name).is_dir() else folder
