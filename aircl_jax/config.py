@@ -1,0 +1,80 @@
+"""Frozen settings of a training run and their default per environment (the paper's Table 2, as DEFAULTS)."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import jax
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Coefficients:
+    """The scalars that weigh or shape the loss terms. A pytree: they may be traced, so that a sweep over them is a `vmap`."""
+
+    contrast_coef: float = 0.001  # φ of Eq. 13; Table 2
+    minimal_coef: float = 0.001  # κ of the minimal-constraint term, Section 6; Table 2
+    cost_budget: float = 0.0  # α of Eq. 10; a constant, so it moves the objective and no gradient
+    ratio_clip: float = 1.0  # upper bound of Eq. 12's coefficient π(τ)(1 − D), which is a density and may be e^88
+    sampled_coef: float = 0.5  # m: weight of D_S in the corrected trajectory-level term
+    sharpness: float = 6.0  # k of the corrected per-step test
+    threshold: float = 0.4  # ϑ of the corrected per-step test: the density ratio below which a step is infeasible
+    icrl_coef: float = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    learning_rate: float = 5e-4  # Adam; Table 2
+    clip_eps: float = 0.1  # Table 2
+    num_epochs: int = 4
+    minibatch_size: int = 700  # transitions, rounded to whole trajectories; Table 2's "batch size"
+    discount: float = 0.99
+    gae_lambda: float = 0.95
+    value_coef: float = 0.5
+    max_grad_norm: float = 0.5
+    log_std_init: float = -0.7
+    log_std_min: float = -3.0  # log σ is a parameter, projected into these bounds after each update
+    log_std_max: float = 0.0
+
+
+@dataclass(frozen=True)
+class AdversaryConfig:
+    learning_rate: float = 5e-4  # Adam; Table 2
+    num_steps: int = 4  # gradient steps on the reward and the feasibility per iteration
+    replay_rate: float = 0.02  # probability per iteration that a replay slot is overwritten
+    sampler: Literal["resample", "reject"] = "resample"  # how D_S is drawn from D_P by δ̄
+    trajectory_logit: Literal["sum", "mean"] = "sum"  # the literal rows' f(τ) and log π(τ) inside D; the paper's is the sum
+    contrast_reward: Literal["sum", "mean"] = "sum"  # f(τ) in Eq. 13; the paper's is the sum
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    iterations: int = 250
+    num_trajectories: int = 70  # N: trajectories of D_P a round; Table 2's "sampled trajectory"
+    num_demonstrations: int = 70  # trajectories of D_E where the expert is sampled; Table 2's "expert trajectory"
+    pool: int = 4  # the rows that draw D_S from a pool collect pool × N trajectories a round
+    hidden: tuple[int, ...] = (32, 32)  # every network; Table 2
+    encoder: Literal["attention", "gru"] = "attention"  # of the trajectory-level feasibility: how it sees order
+    reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
+    constraint_input: Literal["env", "state", "state_action"] = "env"  # δ₁ on s or on (s, a); env: as the environment says
+    temperature: float = 1.0  # β of the entropy in rows that know the true reward; a learned f takes β = 1 without loss
+    chunk: int = 25  # iterations between two checkpoints, log flushes and evaluations
+    ppo: PPOConfig = field(default_factory=PPOConfig)
+    adversary: AdversaryConfig = field(default_factory=AdversaryConfig)
+    coefficients: Coefficients = field(default_factory=Coefficients)
+
+
+_GRID = TrainConfig(ppo=PPOConfig(discount=1.0))
+
+DEFAULTS: dict[str, TrainConfig] = {
+    "gridworld": _GRID,
+    "nonmarkov": _GRID,
+    "swimmer": TrainConfig(
+        iterations=100,
+        num_trajectories=50,
+        num_demonstrations=50,
+        pool=1,
+        chunk=10,
+        ppo=PPOConfig(num_epochs=10, minibatch_size=2500, discount=0.99),
+        adversary=AdversaryConfig(num_steps=8),
+    ),
+}

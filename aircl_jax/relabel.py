@@ -1,0 +1,38 @@
+"""The reward that drives the policy, computed after the rollout from the learned functions (never wrapped into the world)."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from aircl_jax.adversary import mean_over_steps
+from aircl_jax.feasibility import SIGMOID_FLOOR, log_sequence_feasibility, log_step_feasibility
+from aircl_jax.networks import Networks
+from aircl_jax.types import ObsStats, Params, Trajectory
+
+SEQUENCE_FLOOR = -20.0  # least credit that a trajectory's log δ_seq, less its batch mean, gives to its steps
+
+
+def policy_reward(
+    nets: Networks, params: Params, stats: ObsStats, expert: Trajectory, policy: Trajectory
+) -> tuple[Float[Array, "N T"], Float[Array, " N"]]:
+    """r_t = f(s_t, a_t) [− mean_E f] [+ log δ₁(s_t, a_t)] − β log π(a_t|s_t), and the trajectory's credit log δ_seq − mean.
+
+    The entropy is causal and inside the reward (J + H of Section 3.1). β = 1 for a learned f; the constant mean_E f, of a
+    centred judge, moves no optimum and keeps the critic's targets near zero.
+    """
+    method, coefficients = nets.method, nets.config.coefficients
+    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, policy, policy.log_prob)
+    reward = scores.f
+    if method.judge == "centred":
+        over_expert = jax.vmap(jax.vmap(nets.reward, (None, None, 0, 0)), (None, None, 0, 0))
+        expert_f = over_expert(params.reward, stats, expert.obs, expert.action)
+        reward = reward - mean_over_steps(expert_f, expert.mask).mean()
+    if method.constrained_policy:
+        reward = reward + jnp.maximum(log_step_feasibility(method, coefficients, scores), SIGMOID_FLOOR)
+    temperature = nets.config.temperature if method.needs_true_reward else 1.0
+    reward = (reward - temperature * policy.log_prob) * policy.mask
+
+    if not (method.constrained_policy and "sequence" in method.feasibility):
+        return reward, jnp.zeros(reward.shape[0])
+    log_sequence = log_sequence_feasibility(method, scores)
+    return reward, jnp.maximum(log_sequence - log_sequence.mean(), SEQUENCE_FLOOR)

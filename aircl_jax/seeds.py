@@ -1,0 +1,64 @@
+"""Seeds as a `vmap`, sharded over devices: seed s is the integer s, alone or among others."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import AxisType, NamedSharding, PartitionSpec
+from jaxtyping import Array, PRNGKeyArray
+
+from aircl_jax.train import Trainer
+from aircl_jax.types import Metrics, Trajectory, TrainState
+
+
+class Runner(NamedTuple):
+    """`init(expert) -> states [S, …]`; `run_chunk(states, expert, length) -> (states, {metric: [length, S]})`."""
+
+    init: Callable[[Trajectory], TrainState]
+    run_chunk: Callable[[TrainState, Trajectory, int], tuple[TrainState, Metrics]]
+
+
+def seed_keys(seeds: Sequence[int]) -> PRNGKeyArray:
+    """The key of each seed, [S]."""
+    return jax.vmap(jax.random.key)(jnp.asarray(seeds, jnp.uint32))
+
+
+def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
+    """The trainer over all seeds: one jit, `lax.scan` over a chunk, `vmap` over seeds, shards of seeds on every device.
+
+    `expert` is [S, N, T, …]: every seed has its own demonstrations (the same ones where they come from a file).
+    """
+    mesh = jax.make_mesh((_shards(len(seeds)),), ("seed",), axis_types=(AxisType.Auto,))
+    spec = PartitionSpec("seed")
+    shard = partial(jax.shard_map, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
+    sharding = NamedSharding(mesh, spec)
+
+    def place(tree: Trajectory) -> Trajectory:
+        return jax.device_put(tree, sharding)
+
+    init = jax.jit(shard(jax.vmap(trainer.init)))
+
+    @partial(jax.jit, static_argnums=2, donate_argnums=0)
+    def run_chunk(states: TrainState, expert: Trajectory, length: int) -> tuple[TrainState, Metrics]:
+        def on_device(states: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+            def iteration(states: TrainState, _: None) -> tuple[TrainState, Metrics]:
+                return jax.vmap(trainer.step)(states, expert)
+
+            states, metrics = jax.lax.scan(iteration, states, length=length)
+            return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)
+
+        states, metrics = shard(on_device, in_specs=(spec, spec))(states, expert)
+        return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)
+
+    return Runner(
+        init=lambda expert: init(place(seed_keys(seeds)), place(expert)),
+        run_chunk=lambda states, expert, length: run_chunk(place(states), place(expert), length),
+    )
+
+
+def _shards(num_seeds: int) -> int:
+    """The most devices that share the seeds evenly."""
+    return max(count for count in range(1, jax.device_count() + 1) if num_seeds % count == 0)

@@ -1,0 +1,109 @@
+"""Algorithm 1 as one fused step: rollout, sampler, adversary and policy update of one seed, one after the other."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from aircl_jax import adversary, cloning, ppo
+from aircl_jax.adversary import Batches
+from aircl_jax.config import TrainConfig
+from aircl_jax.feasibility import log_feasibility
+from aircl_jax.methods import Method
+from aircl_jax.metrics import step_metrics
+from aircl_jax.networks import Networks, make_networks
+from aircl_jax.relabel import policy_reward
+from aircl_jax.rollout import rollouts
+from aircl_jax.sampler import SAMPLERS, take
+from aircl_jax.types import Metrics, ObsStats, Params, Trajectory, TrainState
+from envs import Env
+
+
+class Trainer(NamedTuple):
+    """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure and for one seed: `vmap` for many."""
+
+    init: Callable[[PRNGKeyArray, Trajectory], TrainState]
+    step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
+
+
+def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
+    """The training loop's two functions for a method's row on an environment. `expert` is D_E, [N_E, T, …]."""
+    if method.needs_true_reward and not env.has_reward and method.judge != "feasibility":
+        raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
+    nets = make_networks(env, method, config)
+
+    def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
+        key, key_nets, key_replay = jax.random.split(key, 3)
+        params, stats = nets.init(key_nets), observation_stats(expert)
+        return TrainState(
+            params=params,
+            ppo_opt=ppo.make_optimiser(config.ppo).init((params.policy, params.value)),
+            adversary_opt=adversary.make_optimiser(config).init((params.reward, params.feasibility)),
+            obs_stats=stats,
+            replay=rollouts(env, nets, params, stats, key_replay, config.num_trajectories),
+            key=key,
+            step=jnp.zeros((), jnp.int32),
+        )
+
+    def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+        key, key_rollout, key_sampler, key_replay, key_policy = jax.random.split(state.key, 5)
+        params, stats = state.params, state.obs_stats
+        number = config.num_trajectories * (config.pool if method.sampled_from == "pool" else 1)
+
+        policy = rollouts(env, nets, params, stats, key_rollout, number)  # line 4: D_P
+        log_delta = trajectory_feasibility(nets, params, stats, policy)
+        sampled = draw(nets, policy, log_delta, key_sampler)  # line 3: D_S, Eq. 9
+
+        head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
+        batches = Batches(expert, sampled, policy=head, replay=state.replay)
+        params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6
+            nets, params, state.adversary_opt, stats, batches
+        )
+        if method.learner == "cloning":
+            params, ppo_opt, policy_metrics = cloning.update(nets, params, state.ppo_opt, stats, expert, config.ppo)
+        else:
+            reward, bonus = policy_reward(nets, params, stats, expert, policy)
+            params, ppo_opt, policy_metrics = ppo.update(  # line 7
+                nets, params, state.ppo_opt, stats, policy, reward, bonus, key_policy, config.ppo
+            )
+        metrics = step_metrics(nets, state.params, stats, expert, sampled, policy, log_delta)
+        state = state._replace(
+            params=params,
+            ppo_opt=ppo_opt,
+            adversary_opt=adversary_opt,
+            replay=refresh(state.replay, head, key_replay, config.adversary.replay_rate),
+            key=key,
+            step=state.step + 1,
+        )
+        return state, {**metrics, **adversary_metrics, **policy_metrics}
+
+    return Trainer(init, step)
+
+
+def observation_stats(expert: Trajectory) -> ObsStats:
+    """Mean and standard deviation of D_E's observations over unmasked steps."""
+    weight = expert.mask / expert.mask.sum()
+    mean = jnp.einsum("nt,nto->o", weight, expert.obs)
+    return ObsStats(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
+
+
+def trajectory_feasibility(nets: Networks, params: Params, stats: ObsStats, policy: Trajectory) -> Float[Array, " N"]:
+    """log δ̄(τ) of each trajectory."""
+    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, policy, policy.log_prob)
+    return log_feasibility(nets.method, nets.config.coefficients, scores)
+
+
+def draw(nets: Networks, policy: Trajectory, log_delta: Float[Array, " P"], key: PRNGKeyArray) -> Trajectory:
+    """D_S: N trajectories of D_P in proportion to δ̄ (Eq. 9); D_P itself for the rows without a sampler."""
+    if nets.method.sampled_from == "policy":
+        return policy
+    sampler = SAMPLERS[nets.config.adversary.sampler]
+    return take(policy, sampler(log_delta, nets.config.num_trajectories, key))
+
+
+def refresh(replay: Trajectory, policy: Trajectory, key: PRNGKeyArray, rate: float) -> Trajectory:
+    """Each slot of the replay is overwritten by this round's trajectory with probability `rate`."""
+    fresh = jax.random.bernoulli(key, rate, (policy.mask.shape[0],))
+    return jax.tree.map(lambda old, new: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old), replay, policy)

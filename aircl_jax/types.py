@@ -1,0 +1,61 @@
+"""What flows through the spine. Axis letters: S seeds, N trajectories, T steps, O observation, A action; others are local.
+
+Everything here describes one seed and, where it can, one trajectory; the batch axes are `vmap`s at their few visible places.
+"""
+
+from typing import Any, NamedTuple
+
+from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
+
+Metrics = dict[str, Float[Array, ""]]
+
+
+class Trajectory(NamedTuple):
+    """One episode τ. The true `reward` and `cost` ride along for evaluation; no learned-reward loss may read them."""
+
+    obs: Float[Array, "*N T O"]
+    action: Shaped[Array, "..."]  # [*N, T, *A], as drawn, before the environment clips it
+    log_prob: Float[Array, "*N T"]  # log π(a_t|s_t) when it was drawn; 0 in demonstrations
+    value: Float[Array, "*N T"]  # V(s_t) when it was drawn; 0 in demonstrations
+    reward: Float[Array, "*N T"]  # true r(s_t, a_t, s_{t+1})
+    cost: Float[Array, "*N T"]  # true cost, 0 or 1
+    mask: Float[Array, "*N T"]  # 1 up to and with the step that terminates, 0 after it
+    bootstrap: Float[Array, "*N"]  # V(s_T) where the horizon cut the episode, 0 where it terminated
+
+
+class ObsStats(NamedTuple):
+    """Mean and standard deviation of the demonstrations' observations, by which the networks see s̃."""
+
+    mean: Float[Array, " O"]
+    std: Float[Array, " O"]
+
+
+class Params(NamedTuple):
+    """The four networks' parameters (flax dictionaries)."""
+
+    policy: Any  # π_ω
+    value: Any  # V
+    reward: Any  # f_θ
+    feasibility: Any  # δ̄_φ
+
+
+class TrainState(NamedTuple):
+    """All that training carries from one iteration to the next: this, and only this, is checkpointed."""
+
+    params: Params
+    ppo_opt: Any  # optax state of (policy, value)
+    adversary_opt: Any  # optax state of (reward, feasibility)
+    obs_stats: ObsStats
+    replay: Trajectory  # earlier policy trajectories, [N, T, …]; the density-ratio terms draw half of theirs from it
+    key: PRNGKeyArray
+    step: Int[Array, ""]
+
+
+class Scores(NamedTuple):
+    """What the discriminator and the feasibility say of one trajectory: per step, before any reduction over t."""
+
+    f: Float[Array, "*N T"]  # f_θ(s_t, a_t); the true reward in the rows that know it
+    log_pi: Float[Array, "*N T"]  # log π_ω(a_t|s_t)
+    step_logit: Float[Array, "*N T"]  # logit of the per-step feasibility; 0 where the method has none
+    sequence_logit: Float[Array, "*N"]  # logit of the trajectory-level feasibility; 0 where the method has none
+    mask: Float[Array, "*N T"]

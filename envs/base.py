@@ -1,0 +1,97 @@
+"""The protocol that every world follows: one episode of one environment, pure functions, no batch axis."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
+
+
+class Step(NamedTuple):
+    """What one control step returns: the next observation, the true reward and cost of this step, and its end."""
+
+    obs: Float[Array, " O"]
+    reward: Float[Array, ""]
+    cost: Float[Array, ""]
+    terminated: Float[Array, ""]
+
+
+@dataclass(frozen=True)
+class Discrete:
+    """Actions 0 … n − 1, as integers of shape []."""
+
+    n: int
+
+    @property
+    def feature_size(self) -> int:
+        return self.n
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return ()
+
+    def features(self, action: Int[Array, ""]) -> Float[Array, " A"]:
+        """The action as the networks see it: one-hot."""
+        return jax.nn.one_hot(action, self.n)
+
+
+@dataclass(frozen=True)
+class Box:
+    """Actions in [low, high]^size, as floats of shape [size]; the environment clips, the trajectory keeps the draw."""
+
+    size: int
+    low: float = -1.0
+    high: float = 1.0
+
+    @property
+    def feature_size(self) -> int:
+        return self.size
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (self.size,)
+
+    def clip(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
+        return jnp.clip(action, self.low, self.high)
+
+    def features(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
+        """The action as the networks see it: clipped as the environment clips it, so that clipping gives nothing away."""
+        return self.clip(action)
+
+
+class Tabular(NamedTuple):
+    """A finite world in full: what exact planning needs. X are its states (Markov, so perhaps more than the cells seen)."""
+
+    transition: Float[Array, "X A X"]  # P(x'|x, a)
+    reward: Float[Array, "X A"]  # E[r | x, a]
+    cost: Float[Array, " X"]  # cost of a step taken in x
+    forbidden: Float[Array, " X"]  # 1 where an expert may not enter
+    start: Float[Array, " X"]  # distribution of x_0
+    obs: Float[Array, "X O"]  # what is seen in x
+    goal: Float[Array, " X"]  # 1 where the episode has succeeded (all 0 in a world without a goal)
+
+
+def _identity(obs: Float[Array, " O"]) -> Float[Array, " R"]:
+    return obs
+
+
+@dataclass(frozen=True, eq=False)
+class Env:
+    """One world. `reset(key) -> (state, obs)`; `step(key, state, action) -> (state, Step)`; both pure, for one episode."""
+
+    name: str
+    horizon: int
+    obs_size: int
+    action_space: Discrete | Box
+    reset: Callable[[PRNGKeyArray], tuple[Any, Float[Array, " O"]]]
+    step: Callable[[PRNGKeyArray, Any, Shaped[Array, "*A"]], tuple[Any, Step]]
+    finite_horizon: bool = (
+        False  # the task ends at the horizon: the policy sees t/T and nothing is worth anything after it
+    )
+    reward_view: Callable[[Float[Array, " O"]], Float[Array, " R"]] = _identity  # the smooth coordinates that f may see
+    reward_view_size: int = 0  # R; 0 stands for obs_size
+    constraint_input: Literal["state", "state_action"] = "state"  # what a constraint of this kind of task speaks of
+    has_reward: bool = True  # False for animals: there is no true reward to read
+    tabular: Tabular | None = None  # the world as tables, where it is finite
