@@ -197,7 +197,7 @@ def yardsticks(windows: Int[np.ndarray, "N T"], num_codes: int, tau_max: int, se
     return {
         "real_strength": float(np.abs(strongest(real)).mean()),
         "halves": split,
-        "noise_floor": split / np.sqrt(2.0),
+        "noise_floor": split / 2.0**0.5,
         "markov_chain": mean_difference(link_strengths(chain, num_codes, tau_max), real),
         "uniform": mean_difference(link_strengths(uniform, num_codes, tau_max), real),
     }

@@ -1,0 +1,126 @@
+"""Figures 2, 7 and 8 of the paper and a test of its inflexion: `python -m experiments.figure2 data=DIR`.
+
+Settings, as key=value: data (folder of tables, `simulated`, or `default`: that of the variable AIRCL_DATA), mapping,
+coding (bout, step), out, draws (of bootstrap and null models), seed. Bad input: one line on standard error and exit 2.
+"""
+
+import json
+import shlex
+import sys
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from aircl_jax import plots_animals as plots
+from aircl_jax import plots_ground
+from envs.data_source import VARIABLE
+from envs.windows import Coding
+from experiments.figure2_analysis import NICE, Numbers, Settings, Study, analyse, read
+from experiments.figure2_report import report
+
+CELLS = 60  # of the map's regions along its longer side
+THOUSAND = plots.THOUSAND
+
+
+def main(arguments: list[str]) -> int:
+    try:
+        settings = parse(arguments)
+        study = read(settings)
+    except ValueError as error:
+        print(f"figure2: {error}", file=sys.stderr)
+        return 2
+    out = Path(settings.out)
+    out.mkdir(parents=True, exist_ok=True)
+    numbers = analyse(study, settings)
+    draw(study, settings, numbers)
+    variable = "" if study.simulated or settings.data != "default" else f"{VARIABLE}=DIR "
+    command = variable + shlex.join(["python", "-m", "experiments.figure2", *arguments])
+    (out / "numbers.json").write_text(json.dumps({"command": command, **numbers.as_json()}, indent=1) + "\n")
+    (out / "report.md").write_text(report(study, numbers, command))
+    print(out / "report.md")
+    return 0
+
+
+def parse(arguments: list[str]) -> Settings:
+    """key=value words as settings. Raises ValueError for an unknown key or a value of the wrong kind."""
+    known: dict[str, type] = {field.name: type(field.default) for field in fields(Settings)}
+    given: dict[str, Any] = {}
+    for word in arguments:
+        key, equals, value = word.partition("=")
+        if not equals or key not in known:
+            raise ValueError(f"unknown setting {word!r}; choose from {', '.join(f'{name}=' for name in known)}")
+        try:
+            given[key] = known[key](value)
+        except ValueError:
+            raise ValueError(f"{key}={value} is not a whole number") from None
+    settings = Settings(**given)
+    if settings.coding not in get_args(Coding):
+        raise ValueError(f"coding={settings.coding} is unknown; choose from {', '.join(get_args(Coding))}")
+    if settings.draws < 1 or settings.seed < 0:
+        raise ValueError(f"draws={settings.draws} seed={settings.seed}: draws begin at 1 and seeds at 0")
+    return settings
+
+
+def draw(study: Study, settings: Settings, numbers: Numbers) -> None:
+    """Every figure as a PNG in `out`."""
+    coded, simulated, unit = study.coded, study.simulated, study.mapping.coordinate_unit
+    ground = ground_of(study)
+    cell = max(float(np.ptp(rows.position, axis=0).max()) for rows in ground.values()) / CELLS
+    panels = {
+        "missing coordinates counted as (0, 0, 0)": (numbers.with_missing, note(numbers, "with_missing")),
+        "missing coordinates left out": (numbers.without, note(numbers, "without")),
+    }
+    distance_map, frequency_map = plots.pair_maps(numbers.pairs, coded.names, numbers.long_pairs, unit, simulated)
+    share = np.bincount(coded.code, minlength=len(coded.names))
+    figures = {
+        "figure2b_places": plots_ground.place_map(ground, coded.places, cell, points=False, simulated=simulated),
+        "figure2c_distances": plots.distance_histograms(panels, unit, simulated),
+        "figure2d_mean_distance": distance_map,
+        "figure2e_frequency": frequency_map,
+        "figure2g_codes": plots.code_table(coded.names, share, simulated),
+        "figure7_activity": plots_ground.activity_map(ground, simulated),
+        "figure8_places_rows": plots_ground.place_map(ground, coded.places, cell, points=True, simulated=simulated),
+    }
+    if numbers.long_pairs:
+        cases = [arrows(study, numbers, source, target) for source, target in numbers.long_pairs]
+        figures["figure2f_long_transitions"] = plots_ground.transition_map(ground, coded.places, cases, cell, simulated)
+    for name, figure in figures.items():
+        plots.save(figure, Path(settings.out) / f"{name}.png")
+
+
+def ground_of(study: Study) -> plots_ground.Ground:
+    """The located rows of each camera on the two coordinates that the mapping calls the ground."""
+    tracks = study.coded.tracks
+    position = tracks.position[:, list(study.mapping.map_axes)] / THOUSAND
+    located = np.isfinite(position).all(axis=1)
+    ground = {}
+    for site in np.unique(tracks.site[located]).tolist():
+        here = located & (tracks.site == site)
+        ground[site] = plots_ground.Rows(position[here], study.coded.place[here])
+    return ground
+
+
+def arrows(study: Study, numbers: Numbers, source: int, target: int) -> plots_ground.Arrows:
+    """The located cases of one pair of codes, of the camera that saw most of them."""
+    moves, pairs, names = study.moves, numbers.pairs, study.coded.names
+    start, end = (at[:, list(study.mapping.map_axes)] / THOUSAND for at in (moves.start, moves.end))
+    cases = (moves.source == source) & (moves.target == target) & np.isfinite(start + end).all(axis=1)
+    sites, seen = np.unique(moves.site[cases], return_counts=True)
+    site = str(sites[seen.argmax()])
+    here = cases & (moves.site == site)
+    share, distance = pairs.frequency[source, target], pairs.mean_distance[source, target] / THOUSAND
+    words = f"{100 * share:.0f} % of its transitions, mean {distance:.0f} thousand, n = {pairs.seen[source, target]}"
+    return plots_ground.Arrows(f"{names[source]} → {names[target]}\n{words}", site, start[here], end[here])
+
+
+def note(numbers: Numbers, name: str) -> str:
+    """The largest rise in the figure's bins, in two lines."""
+    test = numbers.rises[name][NICE]
+    counts, between = test.counts, f"{test.low / THOUSAND:.0f} to {test.high / THOUSAND:.0f} thousand"
+    return f"largest rise: {counts[0]} to {counts[1]}, {between}\np = {test.p_monotone:.2f} under a falling trend"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
