@@ -1,0 +1,183 @@
+"""The front door: `train` runs a method on an environment over seeds, with or without a run directory."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Shaped
+
+from aircl_jax import experts, report, runs
+from aircl_jax.alarms import alarms
+from aircl_jax.config import TrainConfig
+from aircl_jax.feasibility import log_feasibility
+from aircl_jax.metrics import evaluate as evaluate_seed
+from aircl_jax.networks import Networks, make_networks
+from aircl_jax.plan import Plan, make_plan
+from aircl_jax.seeds import make_runner
+from aircl_jax.session import Progress, Row, Stopwatch, run_session
+from aircl_jax.train import make_trainer
+from aircl_jax.types import TrainState, Trajectory
+from envs import Env
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What training left: the summary, every iteration's metrics, and the learned functions of each seed."""
+
+    summary: Mapping[str, Any]  # as in summary.json
+    alarms: list[str]  # sentences on what looks degenerate
+    history: Mapping[str, np.ndarray]  # {metric: [iterations, S]}, NaN where undefined
+    plan: Plan
+    networks: Networks
+    states: TrainState  # [S, …]
+    expert: Trajectory  # D_E, [S, N, T, …]
+    run_dir: Path | None
+
+    def state(self, index: int = 0) -> TrainState:
+        """The final state of the seed at this place of `summary["seeds"]`."""
+        return jax.tree.map(lambda leaf: leaf[index], self.states)
+
+    def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"], index: int = 0) -> Float[Array, ""]:
+        """The learned f_θ(s, a)."""
+        state = self.state(index)
+        return self.networks.reward(state.params.reward, state.obs_stats, obs, action)
+
+    def feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, ""]:
+        """The learned δ̄_φ(τ) of one trajectory, between 0 and 1."""
+        state = self.state(index)
+        scores = self.networks.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
+        return jnp.exp(log_feasibility(self.networks.method, self.networks.config.coefficients, scores))
+
+    def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
+        """The learned π_ω(·|s_t), a distrax distribution over actions."""
+        state = self.state(index)
+        return self.networks.policy(state.params.policy, state.obs_stats, obs, jnp.asarray(t))
+
+
+def train(
+    env: str | Env = "gridworld",
+    method: str = "aircl_corrected",
+    *,
+    seeds: int = 10,
+    first_seed: int = 0,
+    iterations: int | Literal["default"] = "default",
+    run_dir: str | Path | None = None,
+    demonstrations: str | Path = "default",
+    contrast_prior: Literal["method", "on", "off"] = "method",
+    env_settings: Mapping[str, Any] | None = None,
+    config: TrainConfig | Mapping[str, Any] | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    command: str = "",
+    on_progress: Callable[[Progress], None] = lambda _: None,
+) -> Result:
+    """Learn a reward, a constraint and a policy from demonstrations.
+
+    By default `iterations`, `demonstrations` and `config` are the environment's own; `config` may be a nested mapping
+    of the fields to change. With `run_dir` everything is also kept there, and `resume` continues it.
+
+    Raises:
+        ValueError: in one line, before anything is written, for whatever does not fit.
+        KeyboardInterrupt: after an interrupt, once the chunk under way is saved.
+    """
+    plan = make_plan(
+        env,
+        method,
+        contrast_prior=contrast_prior,
+        seeds=seeds,
+        first_seed=first_seed,
+        iterations=iterations,
+        demonstrations=demonstrations,
+        env_settings=env_settings or {},
+        config=config or {},
+    )
+    directory = None
+    if run_dir is not None:
+        directory = runs.open_run(Path(run_dir), plan.settings, plan.config.chunk, runs.existing(resume, overwrite))
+    return _train(plan, directory, command, on_progress)
+
+
+def _train(
+    plan: Plan, directory: runs.RunDirectory | None, command: str, on_progress: Callable[[Progress], None]
+) -> Result:
+    stopwatch = Stopwatch()
+    runner = make_runner(make_trainer(plan.env, plan.method, plan.config), plan.seeds)
+    networks = make_networks(plan.env, plan.method, plan.config)
+    expert, reference = _demonstrations(plan)
+    saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
+    if directory and directory.finished and saved:
+        return _result(plan, networks, saved, expert, directory.summary(), directory, [])
+    if directory:
+        directory.begin()
+    with _defects_apart():
+        states, session = run_session(
+            runner,
+            saved or runner.init(expert),
+            expert,
+            start=directory.start if directory else 0,
+            iterations=plan.config.iterations,
+            chunk=plan.config.chunk,
+            evaluate=_evaluator(networks, expert, reference),
+            env_steps=plan.env_steps,
+            directory=directory,
+            stopwatch=stopwatch,
+            on_progress=on_progress,
+        )
+    summary = report.summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
+    result = _result(plan, networks, states, expert, summary, directory, session.rows)
+    if directory:
+        figures: list[Path] = []
+        directory.write_report(report.report(summary, result.alarms, figures, command))
+        directory.write_summary(summary)
+    return result
+
+
+def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
+    """D_E of every seed, [S, N, T, …], and the reference set; one's own D_E stands for it where the world has none."""
+    if plan.own is None:
+        return experts.demonstrations(plan.env, plan.seeds, plan.config)
+    shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
+    has_reference = plan.env.tabular is not None or plan.env.demonstrations is not None
+    return shared, experts.demonstrations(plan.env, plan.seeds, plan.config)[1] if has_reference else plan.own
+
+
+def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) -> Callable[[TrainState], Row]:
+    """The evaluation of all seeds' states, {metric: [S]}."""
+    evaluate = jax.jit(jax.vmap(partial(evaluate_seed, networks), in_axes=(0, 0, None)))
+    return lambda states: jax.device_get(evaluate(states, expert, reference))
+
+
+def _result(
+    plan: Plan,
+    networks: Networks,
+    states: TrainState,
+    expert: Trajectory,
+    summary: Mapping[str, Any],
+    directory: runs.RunDirectory | None,
+    rows: Sequence[Row],
+) -> Result:
+    return Result(
+        summary=summary,
+        alarms=alarms(summary["seeds"], summary["metrics"]),
+        history=runs.read_metrics(directory.path) if directory else runs.stack(rows),
+        plan=plan,
+        networks=networks,
+        states=states,
+        expert=expert,
+        run_dir=directory.path if directory else None,
+    )
+
+
+@contextmanager
+def _defects_apart() -> Iterator[None]:
+    """A ValueError means bad input to whoever calls `train`; from within the computation it would be a defect."""
+    try:
+        yield
+    except ValueError as error:
+        raise RuntimeError("training failed") from error

@@ -1,0 +1,85 @@
+"""A pytree as an Orbax directory: written beside and renamed, so that it is whole or not there; checked when read."""
+
+import json
+import shutil
+import zlib
+from pathlib import Path
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+T = TypeVar("T")
+
+_CHECKSUM = "checksum.json"
+_ARRAYS = "arrays"
+
+
+def save(path: Path, tree: Any) -> None:
+    """Write the tree's leaves under their names; after a kill at any moment `path` is whole or absent."""
+    import orbax.checkpoint
+
+    beside = path.with_name(f".saving-{path.name}")
+    shutil.rmtree(beside, ignore_errors=True)
+    arrays = _named_arrays(tree)
+    with orbax.checkpoint.StandardCheckpointer() as checkpointer:
+        checkpointer.save(beside.absolute() / _ARRAYS, arrays)
+    (beside / _CHECKSUM).write_text(json.dumps({"crc32": _crc32(arrays)}))
+    beside.rename(path)
+
+
+def load(path: Path, like: T) -> T:
+    """The tree saved at `path`, with the structure of `like` (arrays or their shapes). Raises ValueError if damaged."""
+    import orbax.checkpoint
+
+    damaged = f"the checkpoint {path} is damaged or cut short"
+    try:
+        with orbax.checkpoint.StandardCheckpointer() as checkpointer:
+            arrays = {name: np.asarray(leaf) for name, leaf in checkpointer.restore(path.absolute() / _ARRAYS).items()}
+        expected = json.loads((path / _CHECKSUM).read_text())["crc32"]
+    except Exception as error:  # Orbax and TensorStore raise many kinds on a damaged directory
+        raise ValueError(f"{damaged} ({type(error).__name__}); use overwrite=true to start again") from error
+    if _crc32(arrays) != expected:
+        raise ValueError(f"{damaged} (its checksum differs); use overwrite=true to start again")
+    names, leaves, structure = _names_and_leaves(like)
+    shapes = {name: leaf.shape for name, leaf in zip(names, jax.eval_shape(_raw_all, leaves), strict=True)}
+    if {name: array.shape for name, array in arrays.items()} != shapes:
+        raise ValueError(f"the checkpoint {path} is of another version; use overwrite=true to start again")
+    restored = [_typed(arrays[name], leaf.dtype) for name, leaf in zip(names, leaves, strict=True)]
+    return jax.tree.unflatten(structure, restored)
+
+
+def _typed(array: np.ndarray, dtype: Any) -> jax.Array:
+    leaf = jnp.asarray(array)
+    return jax.random.wrap_key_data(leaf) if jax.dtypes.issubdtype(dtype, jax.dtypes.prng_key) else leaf
+
+
+def _named_arrays(tree: Any) -> dict[str, np.ndarray]:
+    names, leaves, _ = _names_and_leaves(tree)
+    return dict(zip(names, jax.device_get(_raw_all(leaves)), strict=True))
+
+
+def _names_and_leaves(tree: Any) -> tuple[list[str], list[Any], Any]:
+    paths, structure = jax.tree.flatten_with_path(tree)
+    return (
+        [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in paths],
+        [x for _, x in paths],
+        structure,
+    )
+
+
+def _raw_all(leaves: list[Any]) -> list[Any]:
+    """Typed keys as the integers that they are."""
+
+    def raw(leaf: Any) -> Any:
+        return jax.random.key_data(leaf) if jax.dtypes.issubdtype(leaf.dtype, jax.dtypes.prng_key) else leaf
+
+    return [raw(leaf) for leaf in leaves]
+
+
+def _crc32(arrays: dict[str, np.ndarray]) -> int:
+    checksum = 0
+    for name in sorted(arrays):
+        checksum = zlib.crc32(np.ascontiguousarray(arrays[name]).tobytes(), zlib.crc32(name.encode(), checksum))
+    return checksum

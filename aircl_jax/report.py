@@ -1,0 +1,177 @@
+"""What a finished run says of itself: summary.json's metrics and timing, and report.md for reading."""
+
+import platform
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from aircl_jax.plan import Plan
+from aircl_jax.runs import FIGURES, REPORT, numbers
+
+MEANINGS = {
+    "violation_rate": "share of timesteps that violate, samples of q (the paper's)",
+    "violation_rate_policy": "the same, samples of the policy",
+    "violation_rate_expert": "the same, demonstrations",
+    "infeasible_share": "share of trajectories that are infeasible, samples of q",
+    "infeasible_share_policy": "the same, samples of the policy",
+    "rc_acc": "share of the demonstrations with D > ½ (the paper's)",
+    "balanced_acc": "mean of D's accuracy on demonstrations and on fresh samples",
+    "feasibility_auroc": "does δ̄ rank feasible trajectories above infeasible ones",
+    "feasibility_gap": "mean δ̄ of feasible minus of infeasible trajectories",
+    "goal_rate": "share of episodes that end in the goal",
+    "expert_goal_rate": "the same, demonstrations",
+    "return": "true return of the policy",
+    "return_sampled": "true return of q",
+    "expert_return": "true return of the demonstrations",
+    "feasible_return": "true return of the policy up to its first violation",
+    "violation_reward_only": "violation rate of the soft-optimal policy of f alone",
+    "reward_correlation": "correlation of f with the true reward",
+    "occupancy_tv": "total variation between the expert's and the policy's state occupancy",
+    "effective_sample_size": "of the resampling, as a share of the pool",
+    "feasibility_expert": "mean δ̄ of the demonstrations",
+    "feasibility_policy": "mean δ̄ of the policy's samples",
+    "logit_size": "mean size of the discriminator's logit",
+    "entropy": "of the policy, per step",
+    "log_std_at_bound": "share of the policy's log σ that stand at a bound",
+}
+
+
+def statistics(per_seed: Sequence[Any] | np.ndarray) -> dict[str, Any]:
+    """Mean, standard deviation and every seed; undefined as soon as one seed is."""
+    values = np.asarray(per_seed, np.float64)
+    mean, std = numbers([values.mean(), values.std(ddof=1) if len(values) > 1 else np.nan])
+    return {"mean": mean, "std": std, "per_seed": numbers(values)}
+
+
+def summarise(plan: Plan, final: Mapping[str, np.ndarray], timing: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """summary.json, from the metrics at the end, [S] each, and one line of timing a chunk.
+
+    The speed is that from the end of the first chunk to the end of the last; a session's first chunk, which compiles,
+    counts for none.
+    """
+    steady = [line for line in timing if not line["first"]]
+    seconds = sum(line["seconds"] for line in steady)
+    return {
+        "env": plan.env.name,
+        "method": plan.method_name,
+        "seeds": list(plan.seeds),
+        "iterations": plan.config.iterations,
+        "env_steps": plan.config.iterations * plan.env_steps,
+        "wall_s": round(sum(line["seconds"] for line in timing), 3),
+        "compile_s": round(sum(line["compile_s"] for line in timing), 3),
+        "env_steps_per_s": round(sum(line["env_steps"] for line in steady) / seconds, 1) if seconds else None,
+        "versions": versions(),
+        "metrics": {name: statistics(final[name]) for name in sorted(final, key=_rank)},
+    }
+
+
+def versions() -> dict[str, str]:
+    packages = ("aircl-jax", "jax", "jaxlib", "flax", "optax", "distrax", "mujoco", "mujoco-mjx", "numpy")
+    devices = jax.devices()
+    return {
+        "python": platform.python_version(),
+        **{package: version(package) for package in packages},
+        "devices": f"{len(devices)} × {devices[0].device_kind}",
+    }
+
+
+def table(summary: Mapping[str, Any]) -> str:
+    """The metrics as Markdown: mean ± standard deviation, and what the name means."""
+    rows = [("metric", "mean ± std", "what")]
+    for name, row in summary["metrics"].items():
+        spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
+        rows.append((name, _short(row["mean"]) + spread, MEANINGS.get(name, "")))
+    return _markdown(rows)
+
+
+def seed_table(summary: Mapping[str, Any]) -> str:
+    """Every seed's metrics as Markdown."""
+    rows = [("metric", *(f"seed {seed}" for seed in summary["seeds"]))]
+    rows += [(name, *map(_short, row["per_seed"])) for name, row in summary["metrics"].items()]
+    return _markdown(rows)
+
+
+def report(summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[Path], command: str) -> str:
+    """report.md: what ran, what came out, what rang, the figures, what to try next."""
+    return _paragraphs(
+        f"# {summary['method']} on {summary['env']}",
+        f"`{command}`" if command else "Trained from Python.",
+        _effort(summary),
+        table(summary),
+        "## Alarms",
+        _bullets(alarms) or "None rang.",
+        "## Every seed",
+        seed_table(summary),
+        "## Figures",
+        "\n\n".join(f"![{path.stem}]({FIGURES}/{path.name})" for path in figures) or "None were drawn.",
+        "## What to try next",
+        _bullets(f"`{line}` {purpose}" for line, purpose in suggestions(summary)),
+    )
+
+
+def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> str:
+    """What the command line ends with."""
+    return _paragraphs(
+        "",
+        table(summary),
+        _effort(summary),
+        "Alarms:\n" + _bullets(alarms) if alarms else "No alarm rang.",
+        f"Every seed: {run_dir}/{REPORT}   figures: {run_dir}/{FIGURES}/",
+        "What to try next:\n" + "\n".join(f"  {line}   # {purpose}" for line, purpose in suggestions(summary)),
+    )
+
+
+def suggestions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Commands that answer the questions one has after a run, each with its purpose."""
+    env, method = summary["env"], summary["method"]
+    run = f"python -m experiments.run env={env}"
+    baseline = "airl_centred" if method != "airl_centred" else "aircl_corrected"
+    return [
+        (f"{run} method={baseline}", "without a constraint, or with one: what the feasibility adds"),
+        (f"{run} method={method} first_seed=100 run_dir=runs/{env}/{method}_from_100", "other seeds"),
+        (f"{run} method={method} demonstrations=FILE.npz run_dir=runs/{env}/mine", "your own demonstrations"),
+        (f"{run} --help", "every setting"),
+    ]
+
+
+def _rank(name: str) -> tuple[int, str]:
+    names = list(MEANINGS)
+    return (names.index(name) if name in names else len(names), name)
+
+
+def _effort(summary: Mapping[str, Any]) -> str:
+    seeds, speed = len(summary["seeds"]), summary["env_steps_per_s"]
+    return (
+        f"{summary['iterations']} iterations, {seeds} seed{'s' if seeds > 1 else ''}, {summary['env_steps']:,} env "
+        f"steps in {summary['wall_s']:.0f} s, {summary['compile_s']:.0f} s of it compiling"
+        + (f"; {speed:,.0f} env steps/s." if speed else ".")
+    )
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
+    padded = [[cell + " " * (width - _width(cell)) for cell, width in zip(row, widths, strict=True)] for row in rows]
+    head, *body = [f"| {' | '.join(row)} |" for row in padded]
+    return "\n".join([head, f"|{'|'.join('-' * (width + 2) for width in widths)}|", *body])
+
+
+def _width(text: str) -> int:
+    """Columns on a terminal: the bar of δ̄ takes none."""
+    return sum(not unicodedata.combining(letter) for letter in text)
+
+
+def _paragraphs(*parts: str) -> str:
+    return "\n\n".join(parts) + "\n"
+
+
+def _bullets(lines: Iterable[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _short(value: float | None) -> str:
+    return "null" if value is None else f"{value:.3g}"
