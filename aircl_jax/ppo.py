@@ -36,9 +36,9 @@ def gae(
 
 
 def clipped_surrogate(
-    log_prob: Float[Array, ""], log_prob_old: Float[Array, ""], advantage: Float[Array, ""], clip_eps: float
-) -> Float[Array, ""]:
-    """min(ρ Â, clip(ρ, 1 − ε, 1 + ε) Â), ρ = π / π_old, of one step (Schulman et al. 2017, Eq. 7)."""
+    log_prob: Float[Array, "*B"], log_prob_old: Float[Array, "*B"], advantage: Float[Array, "*B"], clip_eps: float
+) -> Float[Array, "*B"]:
+    """min(ρ Â, clip(ρ, 1 − ε, 1 + ε) Â), ρ = π / π_old, of each step (Schulman et al. 2017, Eq. 7)."""
     ratio = jnp.exp(log_prob - log_prob_old)
     return jnp.minimum(ratio * advantage, jnp.clip(ratio, 1.0 - clip_eps, 1.0 + clip_eps) * advantage)
 
