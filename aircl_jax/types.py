@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
-Metrics = dict[str, Float[Array, ""]]
+Metrics = dict[str, Float[Array, "..."]]  # a number of one iteration and seed; scans and vmaps put axes before it
 
 
 class Trajectory(NamedTuple):
