@@ -1,0 +1,128 @@
+"""Small worlds, scores and one jitted fused step, shared by the tests."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from aircl_jax.adversary import Batches
+from aircl_jax.config import AdversaryConfig, PPOConfig, TrainConfig
+from aircl_jax.methods import METHODS, Method
+from aircl_jax.networks import Networks, make_networks
+from aircl_jax.rollout import rollouts
+from aircl_jax.train import make_trainer
+from aircl_jax.types import ObsStats, Params, Scores, Trajectory
+from envs import Discrete, Env, Step, make_env
+
+TINY = TrainConfig(
+    num_trajectories=6,
+    num_demonstrations=5,
+    pool=2,
+    hidden=(4, 3),
+    chunk=1,
+    ppo=PPOConfig(num_epochs=1, minibatch_size=24, discount=1.0),
+    adversary=AdversaryConfig(num_steps=2),
+)
+# The policy's own optimum under a known reward: no adversary, only PPO.
+KNOWN_REWARD = Method(reward="true", judge="none", feasibility="none", terms=())
+
+
+def tiny_grid(**settings: Any) -> Env:
+    return make_env("gridworld", **{"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4} | settings)
+
+
+def random_scores(seed: int, number: int, horizon: int = 4) -> Scores:
+    """Well-scaled scores of trajectories that end at various steps, in the precision that is switched on."""
+    random = np.random.default_rng(seed)
+    shape = (number, horizon)
+    lengths = random.integers(1, horizon + 1, size=number)
+    return Scores(
+        f=jnp.asarray(random.normal(size=shape)),
+        log_pi=jnp.asarray(np.log(random.uniform(0.2, 0.9, size=shape))),
+        step_logit=jnp.asarray(random.normal(size=shape)),
+        sequence_logit=jnp.asarray(random.normal(size=number)),
+        mask=jnp.asarray((np.arange(horizon) < lengths[:, None]).astype(float)),
+    )
+
+
+def random_batches() -> Batches:
+    return Batches(*(random_scores(seed, number) for seed, number in enumerate([5, 4, 6, 3])))
+
+
+def naive(scores: Scores) -> Scores:
+    """The same numbers as float64 numpy."""
+    return Scores(*(np.asarray(leaf, np.float64) for leaf in scores))  # pyright: ignore[reportArgumentType]
+
+
+def one_state_env(
+    reward: Callable[[Array, Array], Array],
+    horizon: int = 1,
+    action_space: Any = None,
+    terminates: bool = False,
+    finite_horizon: bool = True,
+) -> Env:
+    """A world whose state is the step count; reward(t, action) is all that happens."""
+    obs = jnp.eye(horizon + 1)
+
+    def step(key: Array, state: Array, action: Array) -> tuple[Array, Step]:
+        zero = jnp.zeros(())
+        return state + 1, Step(obs[state + 1], reward(state, action), zero, jnp.full((), float(terminates)))
+
+    return Env(
+        name="probe",
+        horizon=horizon,
+        obs_size=horizon + 1,
+        action_space=action_space or Discrete(2),
+        reset=lambda key: (jnp.zeros((), jnp.int32), obs[0]),
+        step=step,
+        finite_horizon=finite_horizon,
+    )
+
+
+def unit_stats(env: Env) -> ObsStats:
+    return ObsStats(jnp.zeros(env.obs_size), jnp.ones(env.obs_size))
+
+
+def tiny_networks(env: Env, method: Method | str, config: TrainConfig = TINY) -> tuple[Networks, Params]:
+    """A row's networks and their parameters, in the precision that is switched on."""
+    nets = make_networks(env, METHODS[method] if isinstance(method, str) else method, config)
+    return nets, jax.tree.map(lambda leaf: leaf.astype(jnp.ones(()).dtype), jax.jit(nets.init)(jax.random.key(0)))
+
+
+def random_trajectories(env: Env, seed: int, number: int) -> Trajectory:
+    """Episodes of a policy that has learned nothing, [N, T, …]."""
+    nets, params = tiny_networks(env, KNOWN_REWARD)
+    return jax.jit(rollouts, static_argnums=(0, 1, 5))(env, nets, params, unit_stats(env), jax.random.key(seed), number)
+
+
+def poisoned(env: Env, reward: Array, cost: Array) -> Env:
+    """The same world with something added to its true reward and cost."""
+
+    def step(key: Array, state: Any, action: Array) -> tuple[Any, Step]:
+        state, result = env.step(key, state, action)
+        return state, result._replace(reward=result.reward + reward, cost=result.cost + cost)
+
+    return replace(env, step=step)
+
+
+@cache
+def fused_step(name: str) -> Callable:
+    """(poison of reward, of cost, seed) -> (first state, last state, metrics) of one fused step of a method's row."""
+    base = tiny_grid()
+
+    @jax.jit
+    def run(reward: Array, cost: Array, seed: Array) -> tuple:
+        env = poisoned(base, reward, cost)
+        key = jax.random.key(seed)
+        expert = random_trajectories(env, 0, TINY.num_demonstrations)
+        trainer = make_trainer(env, METHODS[name], TINY)
+        first = trainer.init(key, expert)
+        last, metrics = trainer.step(first, expert)
+        return first, last, metrics
+
+    return run
