@@ -88,12 +88,19 @@ def _read_csv(file: Path) -> pd.DataFrame:
     try:
         table = pd.read_csv(file, dtype="string", keep_default_na=False, encoding="utf-8-sig", skip_blank_lines=False)
     except pd.errors.ParserError as error:
-        found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
-        what = f"row {found[2]}: {found[3]} fields where the header has {found[1]}" if found else str(error).strip()
-        raise ValueError(f"{file}: {what}") from None
+        raise ValueError(f"{file}: {_parser_words(str(error))}") from None
     table.index = pd.RangeIndex(2, len(table) + 2)
     blank = table.fillna("").eq("").to_numpy().all(axis=1)
     return table.iloc[np.flatnonzero(~blank)]
+
+
+def _parser_words(message: str) -> str:
+    """What pandas says of a CSV that it cannot split, with the row in the file."""
+    if found := re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", message):
+        return f"row {found[2]}: {found[3]} fields where the header has {found[1]}"
+    if found := re.search(r"EOF inside string starting at row (\d+)", message):
+        return f"row {int(found[1]) + 1}: a quote is opened and never closed"
+    return " ".join(message.split())
 
 
 def parse(table: Table, mapping: Mapping) -> Tracks:
@@ -178,13 +185,14 @@ class _Checker:
         return np.array(self.table.columns[name], dtype=np.float64)
 
     def positions(self, mapping: Mapping) -> Float[np.ndarray, "R 3"]:
-        """Three coordinates, NaN where the mapping calls them missing or has none."""
+        """Three coordinates, NaN where the mapping calls them missing or has none; a third that it lacks is 0."""
         position = np.full((len(self.table.row), 3), np.nan)
         if isinstance(mapping.columns.get("coordinates"), str):
             name = self.coordinates[0]
             self._each(name, _VECTOR.fullmatch, "is not [x;y;z]")
             position = np.array([text[1:-1].split(";") for text in self.table.columns[name]], dtype=np.float64)
         elif self.coordinates:
+            position[:] = 0.0
             position[:, : len(self.coordinates)] = np.stack([self.numbers(name) for name in self.coordinates], axis=1)
         if mapping.missing_coordinates:
             marked = position[:, : len(mapping.missing_coordinates)] == mapping.missing_coordinates

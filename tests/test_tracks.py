@@ -70,6 +70,8 @@ def test_a_good_table_is_read_whole_with_either_line_end(tmp_path, end):
         (changed(0, "[1.5;2;3]", "[1.5;2]"), HEADER, r"row 2, column 'Coordinates': '\[1.5;2\]' is not \[x;y;z\]"),
         (changed(2, "{},{},", "{},{},9,"), HEADER, r"row 4: 9 fields where the header has 8"),
         ([], HEADER, r"row 2: no rows below the header"),
+        ([*ROWS, "4,7,Foraging"], HEADER, r"row 7, column 'Zone': '' is empty"),
+        ([*ROWS, '4,7,"Foraging'], HEADER, r"row 7: a quote is opened and never closed"),
     ],
 )
 def test_a_malformed_table_is_refused_with_file_row_and_column(tmp_path, rows, header, words):
@@ -93,6 +95,12 @@ def test_a_malformed_table_is_refused_with_file_row_and_column(tmp_path, rows, h
 def test_an_empty_file_and_a_wrong_encoding_are_refused(tmp_path, content, words):
     (tmp_path / "a.csv").write_bytes(content)
     with pytest.raises(ValueError, match=words):
+        read_folder(tmp_path, MEERKAT)
+
+
+def test_a_broken_parquet_file_is_refused(tmp_path):
+    (tmp_path / "a.parquet").write_bytes(b"PAR1 no more")
+    with pytest.raises(ValueError, match=r"a\.parquet: no readable Parquet file"):
         read_folder(tmp_path, MEERKAT)
 
 
@@ -186,7 +194,7 @@ def test_another_animal_in_another_format_needs_only_a_mapping(tmp_path, suffix)
     assert coded.names == ("graze", "walk", "rest", "moving to barn", "moving to hill")
     assert coded.code.tolist() == [0, 3, 3, 2, 0, 0]
     assert coded.segment.tolist() == [0, 0, 0, 0, 1, 1]
-    assert coded.tracks.position[3, :2].tolist() == [3.0, 4.0]
+    assert coded.tracks.position[3].tolist() == [3.0, 4.0, 0.0]
 
 
 @pytest.mark.parametrize(
