@@ -22,7 +22,6 @@ STYLE: dict[RcKeyType, Any] = {
 }
 DPI = 200
 BLUE, ORANGE, GREY = "#2f6fab", "#d1603d", "#8a8a8a"
-THOUSAND = 1e3
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -40,7 +39,7 @@ def distance_histograms(panels: dict[str, tuple[Histogram, str]], unit: str, sim
             _cumulative(axes[1, column], panel)
             axes[0, column].set_title(title)
             axes[0, column].text(0.98, 0.97, note, ha="right", va="top", transform=axes[0, column].transAxes)
-            axes[1, column].set_xlabel(f"distance between the onsets of two behaviours\n(thousands; unit {unit})")
+            axes[1, column].set_xlabel(f"distance between the onsets of two behaviours\n({unit})")
         axes[0, 0].set_ylabel("transitions")
         axes[1, 0].set_ylabel("cumulative share")
         handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -50,7 +49,7 @@ def distance_histograms(panels: dict[str, tuple[Histogram, str]], unit: str, sim
 
 
 def _histogram(axis: Axes, panel: Histogram) -> None:
-    edges, middle = panel.edges / THOUSAND, (panel.edges[:-1] + panel.edges[1:]) / 2 / THOUSAND
+    edges, middle = panel.edges, (panel.edges[:-1] + panel.edges[1:]) / 2
     axis.bar(middle, panel.counts, width=np.diff(edges) * 0.92, color=BLUE, alpha=0.75, label="transitions")
     spread = np.abs(panel.band - panel.counts)
     axis.errorbar(middle, panel.counts, spread, fmt="none", color="black", lw=0.7, label="95 %, recordings resampled")
@@ -63,9 +62,8 @@ def _histogram(axis: Axes, panel: Histogram) -> None:
 
 
 def _cumulative(axis: Axes, panel: Histogram) -> None:
-    edges = panel.edges / THOUSAND
     for counts, colour, line in ((panel.counts, BLUE, "-"), (panel.shuffled, GREY, "--")):
-        axis.plot(edges, np.append(0.0, counts.cumsum() / counts.sum()), color=colour, ls=line)
+        axis.plot(panel.edges, np.append(0.0, counts.cumsum() / counts.sum()), color=colour, ls=line)
     axis.set_ylim(0, 1.03)
     axis.grid(axis="y", lw=0.3)
 
@@ -74,10 +72,10 @@ def pair_maps(
     pairs: Pairs, names: Sequence[str], marked: Sequence[tuple[int, int]], unit: str, simulated: bool
 ) -> tuple[Figure, Figure]:
     """Figures 2(d), mean distance, and 2(e), share of each starting code with the long transitions boxed."""
-    distance = np.where(pairs.located > 0, pairs.mean_distance / THOUSAND, np.nan)
+    distance = np.where(pairs.located > 0, pairs.mean_distance, np.nan)
     frequency = np.where(pairs.seen > 0, pairs.frequency, np.nan)
     with mpl.rc_context(STYLE):
-        first = _matrix(distance, names, f"mean distance (thousands; unit {unit})", marked)
+        first = _matrix(distance, names, f"mean distance ({unit})", marked)
         second = _matrix(frequency, names, "share of the transitions out of a code", marked)
         for figure in (first, second):
             mark_simulated(figure, simulated)

@@ -22,7 +22,7 @@ PLACE_COLOURS = (
 
 
 class Rows(NamedTuple):
-    """Located rows of one camera: positions on the ground in thousands, and places."""
+    """Located rows of one camera: positions on the ground and places."""
 
     position: Float[np.ndarray, "K 2"]
     place: Int[np.ndarray, " K"]
@@ -37,7 +37,11 @@ class Arrows(NamedTuple):
     end: Float[np.ndarray, "M 2"]
 
 
-Ground = dict[str, Rows]  # by camera
+class Ground(NamedTuple):
+    """The located rows of each camera, and the unit of the positions in words."""
+
+    cameras: dict[str, Rows]
+    unit: str
 
 
 def regions(
@@ -64,11 +68,11 @@ def place_map(ground: Ground, places: Sequence[str], cell: float, *, points: boo
     """Figures 2(b) and 8: places as regions of the ground, one panel for each camera; with rows as points if asked."""
     with mpl.rc_context(STYLE):
         figure, axes = _ground_axes(ground, height=3.4)
-        for axis, rows in zip(axes, ground.values(), strict=True):
+        for axis, rows in zip(axes, ground.cameras.values(), strict=True):
             draw_regions(axis, rows, len(places), cell, alpha=0.35 if points else 0.9)
             if points:
                 axis.scatter(*rows.position.T, s=0.4, c=[_colour(place) for place in rows.place.tolist()], lw=0)
-        _place_legend(figure, places, ground)
+        _place_legend(figure, places, list(ground.cameras.values()))
         mark_simulated(figure, simulated)
     return figure
 
@@ -97,13 +101,13 @@ def transition_map(
         figure = Figure(figsize=(4.6 * len(transitions), 3.3), layout="constrained")
         axes = figure.subplots(1, len(transitions), squeeze=False)[0]
         for axis, cases in zip(axes, transitions, strict=True):
-            draw_regions(axis, ground[cases.site], len(places), cell, alpha=0.45)
+            draw_regions(axis, ground.cameras[cases.site], len(places), cell, alpha=0.45)
             for start, end in zip(cases.start.tolist(), cases.end.tolist(), strict=True):
                 axis.annotate("", xy=end, xytext=start, arrowprops=arrow)
             axis.plot(*cases.start.T, "o", ms=2.5, color="black")
             axis.set_title(cases.title, fontsize=8)
-            _label_ground(axis)
-        _place_legend(figure, places, {cases.site: ground[cases.site] for cases in transitions})
+            _label_ground(axis, ground.unit)
+        _place_legend(figure, places, [ground.cameras[cases.site] for cases in transitions])
         mark_simulated(figure, simulated)
     return figure
 
@@ -112,7 +116,7 @@ def activity_map(ground: Ground, simulated: bool) -> Figure:
     """Figure 7: rows (animal-seconds) on the ground in log scale, one panel for each camera."""
     with mpl.rc_context(STYLE):
         figure, axes = _ground_axes(ground, height=3.0)
-        for axis, rows in zip(axes, ground.values(), strict=True):
+        for axis, rows in zip(axes, ground.cameras.values(), strict=True):
             image = axis.hexbin(*rows.position.T, gridsize=55, mincnt=1, cmap="inferno", norm=LogNorm(), lw=0)
             figure.colorbar(image, ax=axis, label="rows (animal-seconds)", shrink=0.7)
         mark_simulated(figure, simulated)
@@ -120,25 +124,25 @@ def activity_map(ground: Ground, simulated: bool) -> Figure:
 
 
 def _ground_axes(ground: Ground, height: float) -> tuple[Figure, Shaped[np.ndarray, " P"]]:
-    figure = Figure(figsize=(4.6 * len(ground), height), layout="constrained")
-    axes = figure.subplots(1, len(ground), squeeze=False)[0]
-    for axis, site in zip(axes, ground, strict=True):
+    figure = Figure(figsize=(4.6 * len(ground.cameras), height), layout="constrained")
+    axes = figure.subplots(1, len(ground.cameras), squeeze=False)[0]
+    for axis, site in zip(axes, ground.cameras, strict=True):
         axis.set_title(f"camera {site}" if site else "all recordings")
-        _label_ground(axis)
+        _label_ground(axis, ground.unit)
     return figure, axes
 
 
-def _label_ground(axis: Axes) -> None:
+def _label_ground(axis: Axes, unit: str) -> None:
     axis.set_aspect("equal")
-    axis.set_xlabel("along the ground (thousands)")
-    axis.set_ylabel("across (thousands)")
+    axis.set_xlabel(f"along the ground\n({unit})")
+    axis.set_ylabel("across")
 
 
 def _colour(place: int) -> str:
     return PLACE_COLOURS[place % len(PLACE_COLOURS)]
 
 
-def _place_legend(figure: Figure, places: Sequence[str], ground: Ground) -> None:
-    shown = np.unique(np.concatenate([rows.place for rows in ground.values()])).tolist()
+def _place_legend(figure: Figure, places: Sequence[str], shown_rows: Sequence[Rows]) -> None:
+    shown = np.unique(np.concatenate([rows.place for rows in shown_rows])).tolist()
     handles = [Patch(color=_colour(place), label=places[place]) for place in shown]
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)

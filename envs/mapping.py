@@ -29,7 +29,8 @@ class Mapping:
     moving: str = ""  # the behaviour that becomes "moving to PLACE"
     missing_coordinates: tuple[float, ...] = ()  # where these stand, the position is unknown
     map_axes: tuple[int, int] = (0, 1)  # which two coordinates span the ground
-    coordinate_unit: str = "unknown"
+    coordinate_scale: float = 1.0  # figures show coordinates divided by this
+    coordinate_unit: str = "unknown unit"  # in words, of what figures show
 
 
 def load_mapping(name: str) -> Mapping:
@@ -63,6 +64,7 @@ def _labels(value: Any) -> tuple[str, ...]:
 _CONVERTERS: dict[str, Callable[[Any], Any]] = {
     "columns": dict,
     "step": float,
+    "coordinate_scale": float,
     "behaviours": _labels,
     "places": _labels,
     "groups": _labels,

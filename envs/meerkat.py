@@ -198,6 +198,10 @@ def held_out_recordings(options: MeerkatOptions) -> tuple[str, ...]:
     site = dict(zip(windows.recording.tolist(), windows.site.tolist(), strict=True))
     ordered = sorted(site, key=lambda recording: (site[recording], recording))
     folds = len(ordered) // 2
+    if len(ordered) < 3:
+        raise ValueError(
+            f"{len(ordered)} recordings cannot be split: two are held out and one must be left to learn from"
+        )
     if not 0 <= options.fold < folds:
         raise ValueError(f"env.fold={options.fold}: {len(ordered)} recordings give folds 0 to {folds - 1}")
     return ordered[options.fold], ordered[options.fold + folds]

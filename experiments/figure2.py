@@ -21,7 +21,6 @@ from experiments.figure2_analysis import NICE, Numbers, Settings, Study, analyse
 from experiments.figure2_report import report
 
 CELLS = 60  # of the map's regions along its longer side
-THOUSAND = plots.THOUSAND
 
 
 def main(arguments: list[str]) -> int:
@@ -67,7 +66,7 @@ def draw(study: Study, settings: Settings, numbers: Numbers) -> None:
     """Every figure as a PNG in `out`."""
     coded, simulated, unit = study.coded, study.simulated, study.mapping.coordinate_unit
     ground = ground_of(study)
-    cell = max(float(np.ptp(rows.position, axis=0).max()) for rows in ground.values()) / CELLS
+    cell = max(float(np.ptp(rows.position, axis=0).max()) for rows in ground.cameras.values()) / CELLS
     panels = {
         "missing coordinates counted as (0, 0, 0)": (numbers.with_missing, note(numbers, "with_missing")),
         "missing coordinates left out": (numbers.without, note(numbers, "without")),
@@ -93,33 +92,34 @@ def draw(study: Study, settings: Settings, numbers: Numbers) -> None:
 def ground_of(study: Study) -> plots_ground.Ground:
     """The located rows of each camera on the two coordinates that the mapping calls the ground."""
     tracks = study.coded.tracks
-    position = tracks.position[:, list(study.mapping.map_axes)] / THOUSAND
+    position = tracks.position[:, list(study.mapping.map_axes)]
     located = np.isfinite(position).all(axis=1)
-    ground = {}
+    cameras = {}
     for site in np.unique(tracks.site[located]).tolist():
         here = located & (tracks.site == site)
-        ground[site] = plots_ground.Rows(position[here], study.coded.place[here])
-    return ground
+        cameras[site] = plots_ground.Rows(position[here], study.coded.place[here])
+    return plots_ground.Ground(cameras, study.mapping.coordinate_unit)
 
 
 def arrows(study: Study, numbers: Numbers, source: int, target: int) -> plots_ground.Arrows:
     """The located cases of one pair of codes, of the camera that saw most of them."""
     moves, pairs, names = study.moves, numbers.pairs, study.coded.names
-    start, end = (at[:, list(study.mapping.map_axes)] / THOUSAND for at in (moves.start, moves.end))
+    start, end = (at[:, list(study.mapping.map_axes)] for at in (moves.start, moves.end))
     cases = (moves.source == source) & (moves.target == target) & np.isfinite(start + end).all(axis=1)
     sites, seen = np.unique(moves.site[cases], return_counts=True)
     site = str(sites[seen.argmax()])
     here = cases & (moves.site == site)
-    share, distance = pairs.frequency[source, target], pairs.mean_distance[source, target] / THOUSAND
-    words = f"{100 * share:.0f} % of its transitions, mean {distance:.0f} thousand, n = {pairs.seen[source, target]}"
+    share, distance = pairs.frequency[source, target], pairs.mean_distance[source, target]
+    words = f"{100 * share:.0f} % of its transitions, mean distance {distance:.3g}, n = {pairs.seen[source, target]}"
     return plots_ground.Arrows(f"{names[source]} → {names[target]}\n{words}", site, start[here], end[here])
 
 
 def note(numbers: Numbers, name: str) -> str:
     """The largest rise in the figure's bins, in two lines."""
     test = numbers.rises[name][NICE]
-    counts, between = test.counts, f"{test.low / THOUSAND:.0f} to {test.high / THOUSAND:.0f} thousand"
-    return f"largest rise: {counts[0]} to {counts[1]}, {between}\np = {test.p_monotone:.2f} under a falling trend"
+    counts, between = test.counts, f"at {test.low:g} to {test.high:g}"
+    falling = f"p = {test.p_monotone:.2f} under a falling trend"
+    return f"largest rise: {counts[0]} to {counts[1]} transitions, {between}\n{falling}"
 
 
 if __name__ == "__main__":

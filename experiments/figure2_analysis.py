@@ -31,7 +31,7 @@ class Settings:
 
 
 class Study(NamedTuple):
-    """What was read: rows, their codes and transitions."""
+    """What was read: rows, their codes and transitions; positions in the unit that figures show."""
 
     mapping: Mapping
     coded: Coded
@@ -48,6 +48,7 @@ def read(settings: Settings) -> Study:
         if column not in mapping.columns:
             raise ValueError(f"mapping={settings.mapping} has no {column}; the figures need place and coordinates")
     tracks = mob.simulated_tracks() if folder is None else read_folder(folder, mapping)
+    tracks = tracks._replace(position=tracks.position / mapping.coordinate_scale)
     coded = code_rows(tracks, mapping, settings.coding)
     return Study(mapping, coded, transitions(coded), cut_windows(coded, tracks).report, simulated=folder is None)
 
@@ -78,7 +79,10 @@ class Numbers(NamedTuple):
 def analyse(study: Study, settings: Settings) -> Numbers:
     """Histograms, the tests of the inflexion, and the tables of pairs."""
     moves = study.moves
-    filled = np.pad(np.array(study.mapping.missing_coordinates), (0, 3 - len(study.mapping.missing_coordinates)))
+    filled = np.pad(
+        np.array(study.mapping.missing_coordinates) / study.mapping.coordinate_scale,
+        (0, 3 - len(study.mapping.missing_coordinates)),
+    )
     distance = moved.distances(moves.start, moves.end)
     known = np.isfinite(distance)
     all_starts, all_ends = (np.where(np.isnan(at), filled, at) for at in (moves.start, moves.end))

@@ -10,10 +10,10 @@ LEVEL = 0.05  # of the tests' verdicts
 
 def report(study: Study, numbers: Numbers, command: str) -> str:
     """report.md, every number with the command that made it."""
-    title = "# Figure 2: how far meerkats move from one behaviour to the next"
+    title = f"# Figure 2: how far animals move from one behaviour to the next ({study.mapping.name})"
     parts = [
-        title + (" (SIMULATED mob: no animal was observed)" if study.simulated else ""),
-        f"Made by `{command}`.",
+        title + (": SIMULATED, no animal was observed" if study.simulated else ""),
+        f"Made by `{command}`. Distances are in {study.mapping.coordinate_unit}.",
         "## The inflexion\n\n" + verdict(study, numbers),
         "## Its tests\n\n" + rise_table(numbers),
         "## Long transitions\n\n" + long_pairs(study, numbers),
@@ -53,8 +53,8 @@ that is, a distance beyond which transitions become more frequent again:
 - With the {lacking:,} transitions whose position is missing counted at (0, 0, 0):
   {_words(filled)}.
   These distances are artefacts: they measure the way to the origin of the coordinates.
-- The tail: {tail.observed} transitions at {tail.high:,.0f} or more, where an exponential fitted from {tail.low:,.0f} to
-  {tail.high:,.0f} leads to expect {tail.expected:.1f} (ratio, 95 % over resampled recordings: {low:.2f} to {high:.2f}):
+- The tail: {tail.observed} transitions at {tail.high:g} or more, where an exponential fitted from {tail.low:g} to
+  {tail.high:g} leads to expect {tail.expected:.1f} (ratio, 95 % over resampled recordings: {low:.2f} to {high:.2f}):
   {weight} exponential. A heavy tail is no inflexion.
 - The null model (ends shuffled within a recording) has {null:.0f} transitions there: long transitions are {rarer}
   than if where an animal begins its next behaviour had nothing to do with where it began the last.
@@ -65,7 +65,7 @@ that is, a distance beyond which transitions become more frequent again:
 def _words(test: RiseTest) -> str:
     low, high = test.counts
     return (
-        f"the largest rise is from {low} transitions at {test.low:,.0f} to {high} at {test.high:,.0f}"
+        f"the largest rise is from {low} transitions at {test.low:g} to {high} at {test.high:g}"
         f" (z = {test.z:.1f}), and a trend that only falls gives as large a one with p = {test.p_monotone:.3f}"
     )
 
@@ -78,11 +78,9 @@ def rise_table(numbers: Numbers) -> str:
     ]
     for name, words in (("with_missing", "counted as (0, 0, 0)"), ("without", "left out")):
         for test in numbers.rises[name]:
-            rise = f"{test.counts[0]} at {test.low:,.0f} → {test.counts[1]} at {test.high:,.0f}"
+            rise = f"{test.counts[0]} at {test.low:g} → {test.counts[1]} at {test.high:g}"
             share = f"{100 * test.bootstrap_share:.0f} %"
-            lines.append(
-                f"| {words} | {test.bin_width:,.0f} | {rise} | {test.z:.2f} | {test.p_monotone:.3f} | {share} |"
-            )
+            lines.append(f"| {words} | {test.bin_width:g} | {rise} | {test.z:.2f} | {test.p_monotone:.3f} | {share} |")
     caution = (
         "The p-values take transitions for independent; those of one track are not, so that the true p are larger."
     )
@@ -94,7 +92,7 @@ def long_pairs(study: Study, numbers: Numbers) -> str:
     pairs, names = numbers.pairs, study.coded.names
     lines = [
         "Boxed: the two most frequent pairs, by share of their start, with at least ten located cases and a mean",
-        f"distance beyond {numbers.long_distance:,.0f}, which 95 % of all transitions stay below.",
+        f"distance beyond {numbers.long_distance:.3g}, which 95 % of all transitions stay below.",
         "",
         "| from | to | transitions | share of the start's | mean distance |",
         "|---|---|---|---|---|",
@@ -102,7 +100,7 @@ def long_pairs(study: Study, numbers: Numbers) -> str:
     for pair in numbers.long_pairs:
         share = f"{100 * pairs.frequency[pair]:.0f} %"
         ends = f"{names[pair[0]]} | {names[pair[1]]}"
-        lines.append(f"| {ends} | {pairs.seen[pair]} | {share} | {pairs.mean_distance[pair]:,.0f} |")
+        lines.append(f"| {ends} | {pairs.seen[pair]} | {share} | {pairs.mean_distance[pair]:.3g} |")
     return "\n".join(lines)
 
 

@@ -48,6 +48,12 @@ def test_a_falling_trend_is_not_refuted_and_a_bump_is_found():
     assert found.bootstrap_share > 0.95
 
 
+def test_the_way_up_to_the_mode_is_no_rise():
+    generator = np.random.default_rng(2)
+    distance, recording = 2 + generator.exponential(1.0, size=3000), np.full(3000, "a")
+    assert rise_test(distance, recording, EDGES, draws=100, seed=0).low > 2
+
+
 def test_shuffling_ends_keeps_the_number_and_loses_the_pairing():
     position = np.random.default_rng(0).normal(size=(500, 3)) * 3
     counts = shuffled_counts(position, position + 0.1, np.full(500, "a"), EDGES, draws=5, seed=0)
