@@ -127,7 +127,7 @@ def rise_test(
     draws: int,
     seed: int,
 ) -> RiseTest:
-    """Is there more than a fall from the mode on? The Poisson null holds transitions independent: p is a lower bound."""
+    """Is there more than a fall from the mode on? The Poisson null holds transitions independent: p is a floor."""
     edges = edges[np.histogram(distance, edges)[0].argmax() :]
     counts = np.histogram(distance, edges)[0]
     low, high, z = largest_rise(counts)
