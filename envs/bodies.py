@@ -111,16 +111,17 @@ PENDULUM_MJCF = """
 
 @dataclass(frozen=True)
 class Body:
-    """What the adapter must know of a body beside its MJCF; sources: Gymnasium v4/v5 and docs/physics.md for the solver."""
+    """What a body needs beside its MJCF; sources: Gymnasium v4/v5, and docs/physics.md for the solvers."""
 
     mjcf: str
     frame_skip: int  # physics steps per control step
     reset_noise: float  # half width of the uniform noise on qpos and qvel at reset
-    iterations: int  # of the Newton solver
-    ls_iterations: int  # of its line search
     contacts: bool  # False where no two geoms can ever touch
+    newton_steps: int  # of the planar engine: as many as reach full convergence
+    iterations: int  # of MJX's Newton solver
+    ls_iterations: int  # of its line search
 
 
-SWIMMER = Body(SWIMMER_MJCF, frame_skip=4, reset_noise=0.1, iterations=2, ls_iterations=4, contacts=False)
-WALKER = Body(WALKER_MJCF, frame_skip=4, reset_noise=5e-3, iterations=3, ls_iterations=4, contacts=True)
-PENDULUM = Body(PENDULUM_MJCF, frame_skip=2, reset_noise=0.01, iterations=1, ls_iterations=4, contacts=False)
+SWIMMER = Body(SWIMMER_MJCF, 4, 0.1, contacts=False, newton_steps=3, iterations=4, ls_iterations=6)
+WALKER = Body(WALKER_MJCF, 4, 5e-3, contacts=True, newton_steps=5, iterations=4, ls_iterations=6)
+PENDULUM = Body(PENDULUM_MJCF, 2, 0.01, contacts=False, newton_steps=3, iterations=4, ls_iterations=6)

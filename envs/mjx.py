@@ -1,50 +1,28 @@
-"""Swimmer, walker and pendulum in MJX: one adapter, three rows of TASKS (docs/physics.md)."""
+"""Swimmer, walker and pendulum: one adapter over the rows of `envs.tasks.ROBOTS` (docs/physics.md)."""
 
 import contextlib
+import importlib
 import io
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
-from envs import bodies
-from envs.base import Box, Env, Step
+from envs.base import Env, Step
 from envs.bodies import Body
 from envs.constraints import find_constraint
 from envs.options import RobotOptions
+from envs.planar import planar_physics
+from envs.tasks import ROBOTS, RobotState
 
-DIVERGED = 1e3  # m, rad, m/s or rad/s; no body comes near it, so a state beyond it (or not finite) is the integrator's
+DIVERGED = 1e3  # m, rad, m/s or rad/s; no body comes near it, so a state beyond it, or not finite, is no physics
+ABSENT_WARP = ("Failed to import warp", "Failed to import mujoco_warp")  # what MJX prints on standard output
 
-
-class RobotState(NamedTuple):
-    """All that an episode carries: generalised positions and velocities (m, rad, m/s, rad/s)."""
-
-    qpos: Float[Array, " Q"]
-    qvel: Float[Array, " V"]
-
-
-Physics = Callable[[RobotState, Float[Array, " A"]], RobotState]
-Reward = Callable[[RobotState, RobotState, Float[Array, " A"], float], Float[Array, ""]]
-
-
-@dataclass(frozen=True)
-class Task:
-    """What is seen, rewarded and healthy: `observe(state)`, `reward(before, after, clipped action, dt)`, `healthy(state)`."""
-
-    observe: Callable[[RobotState], Float[Array, " O"]]
-    reward: Reward
-    healthy: Callable[[RobotState], Bool[Array, ""]]
-
-
-@dataclass(frozen=True)
-class Row:
-    body: Body
-    action_space: Box
-    tasks: dict[str, Task]
+Vector = Float[Array, " V"]
+Physics = Callable[[Vector, Vector, Float[Array, " A"]], tuple[Vector, Vector]]
 
 
 def make_swimmer(options: RobotOptions) -> Env:
@@ -53,7 +31,7 @@ def make_swimmer(options: RobotOptions) -> Env:
 
 
 def make_walker(options: RobotOptions) -> Env:
-    """The planar two-legged walker. Raises ValueError on a wrong setting."""
+    """The two-legged walker. Raises ValueError on a wrong setting."""
     return _make("walker", options)
 
 
@@ -64,32 +42,32 @@ def make_pendulum(options: RobotOptions) -> Env:
 
 def _make(name: str, options: RobotOptions) -> Env:
     constraint = find_constraint(options.constraint, name)
-    limit = constraint.limit if options.limit == "default" else float(options.limit)
-    row = ROWS[name]
-    task, box = row.tasks[constraint.task], row.action_space
-    physics, rest, dt = mjx_physics(row.body, options.integrator)
+    limit = constraint.limit if isinstance(options.limit, str) else float(options.limit)
+    body, box, task = ROBOTS[name].body, ROBOTS[name].action_space, ROBOTS[name].tasks[constraint.task]
+    model = compile_model(body, options.integrator)
+    physics = ENGINES[options.engine](model, body, options.integrator)
+    dt = float(model.opt.timestep) * body.frame_skip
+    rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
 
     def reset(key: PRNGKeyArray) -> tuple[RobotState, Float[Array, " O"]]:
-        """The rest pose plus uniform noise on qpos and qvel, as Gymnasium does it."""
-        noise = row.body.reset_noise
-        state = _perturb(rest, lambda k, shape: jax.random.uniform(k, shape, minval=-noise, maxval=noise), key)
+        """The rest pose plus uniform noise on qpos and qvel (Gymnasium)."""
+        noise = jax.random.uniform(key, (2 * model.nv,), minval=-body.reset_noise, maxval=body.reset_noise)
+        state = _add(rest, noise)
         return state, task.observe(state)
 
     def step(key: PRNGKeyArray, state: RobotState, action: Float[Array, " A"]) -> tuple[RobotState, Step]:
         """One control step: reward before the transition noise; observation, cost and end after it."""
         action = box.clip(action)
-        after = physics(state, action)
-        finite = jnp.abs(jnp.concatenate(after)).max() < DIVERGED  # False for NaN too
-        after = jax.tree.map(lambda new, safe: jnp.where(finite, new, safe), after, rest)
-        reward = task.reward(state, after, action, dt)
-        after = _perturb(after, lambda k, shape: options.noise * jax.random.normal(k, shape), key)
-        cost = constraint.violated(after.qpos, action, limit)
-        ended = ~finite | (~task.healthy(after) if options.terminate else False)
+        moved = RobotState(*physics(state.qpos, state.qvel, action))
+        sound = jnp.abs(jnp.concatenate(moved)).max() < DIVERGED  # False for NaN too
+        moved = jax.tree.map(lambda new, safe: jnp.where(sound, new, safe), moved, rest)
+        after = _add(moved, options.noise * jax.random.normal(key, (2 * model.nv,)))
+        fallen = ~task.healthy(after) if options.terminate else jnp.zeros((), bool)
         return after, Step(
             obs=task.observe(after),
-            reward=jnp.where(finite, reward, 0.0),
-            cost=jnp.where(finite, cost, False).astype(jnp.float32),
-            terminated=jnp.asarray(ended, jnp.float32),
+            reward=jnp.where(sound, task.reward(state, moved, action, dt), 0.0),
+            cost=(sound & constraint.violated(after.qpos, action, limit)).astype(jnp.float32),
+            terminated=(~sound | fallen).astype(jnp.float32),
         )
 
     return Env(
@@ -103,119 +81,53 @@ def _make(name: str, options: RobotOptions) -> Env:
     )
 
 
-def _perturb(state: RobotState, draw: Callable[..., Array], key: PRNGKeyArray) -> RobotState:
-    noise = draw(key, (state.qpos.size + state.qvel.size,))
+def _add(state: RobotState, noise: Float[Array, " N"]) -> RobotState:
     return RobotState(state.qpos + noise[: state.qpos.size], state.qvel + noise[state.qpos.size :])
 
 
-def mjx_physics(body: Body, integrator: str) -> tuple[Physics, RobotState, float]:
-    """One control step of MJX, the state at rest, and the control step's length in seconds."""
-    mjx = import_mjx()
-    import mujoco
-
+def compile_model(body: Body, integrator: str) -> Any:
+    """The body's compiled `MjModel`, with the solver settings of its row."""
+    mujoco: Any = importlib.import_module("mujoco")
     model = mujoco.MjModel.from_xml_string(body.mjcf)
-    model.opt.integrator = {"euler": mujoco.mjtIntegrator.mjINT_EULER, "rk4": mujoco.mjtIntegrator.mjINT_RK4}[integrator]
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     model.opt.iterations, model.opt.ls_iterations = body.iterations, body.ls_iterations
     if not body.contacts:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return model
+
+
+def mjx_physics(model: Any, body: Body, integrator: str) -> Physics:
+    """One control step by `mjx.step`; the engine that `planar` is tested against."""
+    mjx = import_mjx()
     device_model = mjx.put_model(model)
     template = mjx.make_data(device_model)
-    rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
 
-    def physics(state: RobotState, action: Float[Array, " A"]) -> RobotState:
-        def substep(carry, _):
-            qpos, qvel, warm = carry
-            data = template.replace(qpos=qpos, qvel=qvel, ctrl=action, qacc_warmstart=warm)
+    def physics(qpos: Vector, qvel: Vector, action: Float[Array, " A"]) -> tuple[Vector, Vector]:
+        def substep(carry: tuple[Vector, Vector, Vector], _: None) -> tuple[tuple[Vector, Vector, Vector], None]:
+            qpos, qvel, guess = carry
+            data = template.replace(qpos=qpos, qvel=qvel, ctrl=action, qacc_warmstart=guess)
             data = mjx.step(device_model, data)
             return (data.qpos, data.qvel, data.qacc_warmstart), None
 
-        start = (state.qpos, state.qvel, jnp.zeros_like(state.qvel))
-        (qpos, qvel, _), _ = jax.lax.scan(substep, start, None, length=body.frame_skip)
-        return RobotState(qpos, qvel)
+        (qpos, qvel, _), _ = jax.lax.scan(substep, (qpos, qvel, jnp.zeros_like(qvel)), None, length=body.frame_skip)
+        return qpos, qvel
 
-    return physics, rest, model.opt.timestep * body.frame_skip
+    return physics
+
+
+def _planar(model: Any, body: Body, integrator: str) -> Physics:
+    return planar_physics(model, integrator, body.frame_skip, body.newton_steps)
+
+
+ENGINES: dict[str, Callable[[Any, Body, str], Physics]] = {"planar": _planar, "mjx": mjx_physics}
 
 
 def import_mjx() -> ModuleType:
     """`mujoco.mjx`, imported late (it takes seconds) and without its two lines about an absent warp."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        from mujoco import mjx
+        mjx = importlib.import_module("mujoco.mjx")
     for line in printed.getvalue().splitlines():
-        if not line.startswith(("Failed to import warp", "Failed to import mujoco_warp")):
+        if not line.startswith(ABSENT_WARP):
             print(line)
     return mjx
-
-
-def _concatenate(state: RobotState) -> Float[Array, " O"]:
-    return jnp.concatenate([state.qpos, state.qvel])
-
-
-def _always(state: RobotState) -> Bool[Array, ""]:
-    return jnp.ones((), bool)
-
-
-def _swim(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
-    """Δx/dt − 1e-4‖a‖² (Gymnasium, Swimmer)."""
-    return (after.qpos[0] - before.qpos[0]) / dt - 1e-4 * (action**2).sum()
-
-
-def _swim_either_way(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
-    """|Δx|/dt − 1e-4‖a‖² (ICRL benchmark, the blocked swimmer)."""
-    return jnp.abs(after.qpos[0] - before.qpos[0]) / dt - 1e-4 * (action**2).sum()
-
-
-def _upright(state: RobotState) -> Bool[Array, ""]:
-    """0.8 < z < 2 m and |pitch| < 1 rad (Gymnasium, Walker2d)."""
-    return (state.qpos[1] > 0.8) & (state.qpos[1] < 2.0) & (jnp.abs(state.qpos[2]) < 1.0)
-
-
-def _walk(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
-    """Δx/dt + 1 while upright − 1e-3‖a‖² (Gymnasium, Walker2d)."""
-    return (after.qpos[0] - before.qpos[0]) / dt + _upright(after) - 1e-3 * (action**2).sum()
-
-
-def _walk_either_way(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
-    """|Δx|/dt + 1 while upright − 1e-3‖a‖² (ICRL benchmark, the blocked walker)."""
-    return jnp.abs(after.qpos[0] - before.qpos[0]) / dt + _upright(after) - 1e-3 * (action**2).sum()
-
-
-def _balanced(state: RobotState) -> Bool[Array, ""]:
-    """|tilt| ≤ 0.2 rad (Gymnasium, InvertedPendulum)."""
-    return jnp.abs(state.qpos[1]) <= 0.2
-
-
-def _lean_left(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
-    """1 where x ≤ −0.01, 0.1 where x ≥ 0, linear between (ICRL benchmark, InvertedPendulumWall); 0 once fallen."""
-    return _balanced(after) * jnp.interp(after.qpos[0], jnp.array([-0.01, 0.0]), jnp.array([1.0, 0.1]))
-
-
-def _swimmer_view(state: RobotState) -> Float[Array, " O"]:
-    return jnp.concatenate([state.qpos[2:], state.qvel])
-
-
-def _walker_view(state: RobotState) -> Float[Array, " O"]:
-    return jnp.concatenate([state.qpos[1:], jnp.clip(state.qvel, -10.0, 10.0)])
-
-
-_PENDULUM_TASK = Task(_concatenate, _lean_left, _balanced)
-
-ROWS: dict[str, Row] = {
-    "swimmer": Row(
-        bodies.SWIMMER,
-        Box(2),
-        {
-            "forward": Task(_swimmer_view, _swim, _always),
-            "wall": Task(_concatenate, _swim_either_way, _always),
-        },
-    ),
-    "walker": Row(
-        bodies.WALKER,
-        Box(6),
-        {
-            "forward": Task(_walker_view, _walk, _upright),
-            "wall": Task(_concatenate, _walk_either_way, _upright),
-        },
-    ),
-    "pendulum": Row(bodies.PENDULUM, Box(1, -3.0, 3.0), {"forward": _PENDULUM_TASK, "wall": _PENDULUM_TASK}),
-}

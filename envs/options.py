@@ -1,6 +1,7 @@
 """The settings of every environment, light enough to import without the environment itself (MJX alone takes seconds)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Literal
 
 
@@ -35,19 +36,36 @@ class NonMarkovOptions:
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """Settings shared by the MuJoCo bodies; the rows of `envs.registry.ENVS` hold each body's own defaults."""
+    """Settings shared by the MuJoCo bodies. Raises ValueError on a value that no body can have."""
 
-    constraint: Literal["torque", "position", "none"] = "torque"
-    limit: float | Literal["default"] = "default"  # threshold of the constraint; the benchmark's where it says default
+    constraint: str = "torque"  # a name in envs.constraints.CONSTRAINTS: torque, position, none, or one of your own
+    limit: float | str = "default"  # threshold of the constraint; the benchmark's where it says default
     noise: float = 0.001  # standard deviation of the noise on qpos and qvel after each control step
     terminate: bool = False  # Gymnasium's early end instead of a fixed horizon
     horizon: int = 500  # control steps; Table 2
-    integrator: Literal["euler", "rk4"] = "euler"
+    integrator: str = "euler"  # euler, rk4
+    engine: str = "planar"  # planar: MuJoCo's equations for a plane; mjx: mjx.step itself, several times slower
+
+    def __post_init__(self) -> None:
+        is_number = isinstance(self.limit, (int, float)) and not isinstance(self.limit, bool) and isfinite(self.limit)
+        _require(is_number or self.limit == "default", "env.limit", self.limit, "a number or default")
+        is_number = isinstance(self.noise, (int, float)) and not isinstance(self.noise, bool)
+        _require(is_number and 0 <= self.noise < inf, "env.noise", self.noise, "a number that is not negative")
+        whole = isinstance(self.horizon, int) and not isinstance(self.horizon, bool)
+        _require(whole and self.horizon > 0, "env.horizon", self.horizon, "a whole number above 0")
+        _require(isinstance(self.terminate, bool), "env.terminate", self.terminate, "true or false")
+        _require(self.integrator in ("euler", "rk4"), "env.integrator", self.integrator, "euler or rk4")
+        _require(self.engine in ("planar", "mjx"), "env.engine", self.engine, "planar or mjx")
+
+
+def _require(holds: bool, setting: str, value: object, choices: str) -> None:
+    if not holds:
+        raise ValueError(f"wrong {setting} {value!r}; choose {choices}")
 
 
 @dataclass(frozen=True)
 class PendulumOptions(RobotOptions):
-    constraint: Literal["torque", "position", "none"] = field(default="position")
+    constraint: str = "position"
     horizon: int = 100
 
 

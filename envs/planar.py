@@ -1,0 +1,220 @@
+"""MuJoCo's equations of motion for a body that moves in a plane: `mjx.step`, faster (docs/physics.md, section 2).
+
+Planar spatial vectors at the root, (u, v, turning), carry everything: with the joints' columns S_j, a link's motion is
+Σ S_j w_j over the joints that move it, and a joint feels S_j · Σ of the forces beyond it (Featherstone, Rigid Body
+Dynamics Algorithms, 2008, chapters 2, 5 and 6).
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from envs.planar_model import Chain, Spring, chain_of
+
+Joints = Float[Array, " V"]
+Points = Float[Array, " N"]
+
+
+class Pose(NamedTuple):
+    """Where everything is, in metres from the root."""
+
+    cos: Float[Array, " B"]
+    sin: Float[Array, " B"]
+    centre: Float[Array, "2 B"]  # of mass
+    end: Float[Array, "2 C"]  # of the capsules
+    columns: Float[Array, "3 V"]  # S: the motion (u, v, turning) at the root per unit of each joint's
+
+
+class Rows(NamedTuple):
+    """The limits and contacts of one state: each wants an acceleration, with a weight (0: out of reach)."""
+
+    side: Joints  # 1 at a lower limit, −1 at an upper one
+    stop: Joints  # weight of the limits
+    stop_want: Joints
+    point: Float[Array, "2 C"]  # where the ends touch, from the root (m)
+    hold: Float[Array, " C"]  # weight of one edge of the friction pyramid
+    rise_want: Float[Array, " C"]
+    slip_want: Float[Array, " C"]  # times friction
+
+
+def pose(chain: Chain, qpos: Joints) -> Pose:
+    """Every point is Σ_k R(φ_k) c_k over the links k between the root and it, with constant c_k."""
+    angle = (qpos - chain.qpos0) @ chain.angle
+    cos, sin = jnp.cos(angle), jnp.sin(angle)
+    points = (jnp.concatenate([cos, sin]) @ chain.place).reshape(2, -1)
+    hinge, centre, end = jnp.split(points, [chain.turn.size, chain.turn.size + chain.mass.size], axis=1)
+    columns = jnp.stack([chain.slide[0] + chain.turn * hinge[1], chain.slide[1] - chain.turn * hinge[0], chain.turn])
+    return Pose(cos, sin, centre, end, columns)
+
+
+def move(at: Pose, moves: np.ndarray, points: Float[Array, "2 N"], rate: Joints) -> tuple[Points, Points, Points]:
+    """J·w at some points: their motion along u and v, and their links' turning."""
+    u, v, turning = (at.columns * rate) @ moves
+    return u - turning * points[1], v + turning * points[0], turning
+
+
+def feel(at: Pose, moves: np.ndarray, points: Float[Array, "2 N"], force: tuple[Points, Points, Points]) -> Joints:
+    """Jᵀ·force: what each joint feels of (u, v, moment) at some points."""
+    u, v, moment = force
+    beyond = jnp.stack([u, v, points[0] * v - points[1] * u + moment]) @ moves.T
+    return (at.columns * beyond).sum(axis=0)
+
+
+def stiff(
+    at: Pose, moves: np.ndarray, points: Float[Array, "2 N"], block: tuple[Points, Points, Points, Points]
+) -> Float[Array, "V V"]:
+    """Jᵀ K J, K = [[uu, uv], [uv, vv]] and one against turning, at some points; [j, i] holds where i is above j."""
+    uu, uv, vv, turning = block
+    first_u, first_v = uv * points[0] - uu * points[1], vv * points[0] - uv * points[1]
+    second = points[0] * first_v - points[1] * first_u + turning
+    uu, uv, vv, first_u, first_v, second = jnp.stack([uu, uv, vv, first_u, first_v, second]) @ moves.T
+    u, v, t = at.columns
+    pushed = [uu * u + uv * v + first_u * t, uv * u + vv * v + first_v * t, first_u * u + first_v * v + second * t]
+    return jnp.stack(pushed).T @ at.columns
+
+
+def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, " A"]) -> Joints:
+    """Motors + gravity + drag − damping − Coriolis and centrifugal forces."""
+    joints, links = chain.turn.size, chain.mass.size
+    along, across, spin = move(at, chain.moves, at.centre, qvel)
+    to_centres = chain.place.reshape(2 * links, 2, -1)[:, :, joints : joints + links].reshape(2 * links, -1)
+    centrifugal = (jnp.concatenate([at.cos, at.sin]) * jnp.tile(spin**2, 2) @ to_centres).reshape(2, -1)
+    u, v = chain.mass * (chain.gravity[:, None] + centrifugal)
+    moment = jnp.zeros_like(u)
+    if chain.drag.any():
+        local = jnp.stack([at.cos * along + at.sin * across, at.cos * across - at.sin * along, spin])
+        drag = -(chain.drag[0] + chain.drag[1] * jnp.abs(local)) * local
+        u, v = u + at.cos * drag[0] - at.sin * drag[1], v + at.sin * drag[0] + at.cos * drag[1]
+        moment = drag[2]
+    return action @ chain.motor - chain.damping * qvel + feel(at, chain.moves, at.centre, (u, v, moment))
+
+
+def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
+    """Each joint against the nearer of its limits, each end against the floor, as MuJoCo's soft constraints."""
+    low, high = qpos - chain.low, chain.high - qpos
+    side = jnp.where(low < high, 1.0, -1.0)
+    stop, stop_pull = _soften(chain.limit, jnp.minimum(low, high), chain.limit_mass)
+    gap = at.end[1] + (qpos - chain.qpos0) @ chain.slide[1] + chain.height - chain.radius
+    point = jnp.stack([at.end[0], at.end[1] - chain.radius - gap / 2])  # the middle of the overlap
+    hold, pull = _soften(chain.contact, gap, chain.contact_mass)
+    slip, rise, _ = move(at, chain.moves_end, point, qvel)
+    return Rows(
+        side=side,
+        stop=stop,
+        stop_want=stop_pull - chain.limit.damping * side * qvel,
+        point=point,
+        hold=hold,
+        rise_want=pull - chain.contact.damping * rise,
+        slip_want=-chain.contact.damping * jnp.asarray(chain.friction) * slip,
+    )
+
+
+def _soften(spring: Spring, distance: Points, mass: np.ndarray) -> tuple[Points, Points]:
+    """(mass·impedance/(1 − impedance), −stiffness·impedance·distance) where the distance is negative, else 0."""
+    x = jnp.minimum(jnp.abs(distance) / spring.width, 1.0)
+    rising = x**spring.power / spring.middle ** (spring.power - 1)
+    falling = 1 - (1 - x) ** spring.power / (1 - spring.middle) ** (spring.power - 1)
+    share = jnp.where(x < spring.middle, rising, falling)
+    impedance = spring.least + share * (spring.greatest - spring.least)
+    reached = distance < 0
+    pull = -spring.stiffness * impedance * jnp.where(reached, distance, 0.0)
+    return jnp.where(reached, mass * impedance / (1 - impedance), 0.0), pull
+
+
+def constrain(
+    chain: Chain, at: Pose, rows: Rows, mass: Float[Array, "V V"], force: Joints, guess: Joints, iterations: int
+) -> Joints:
+    """argmin_q̈ ½|q̈ − M⁻¹force|²_M + ½ Σ_r D_r min(J_r q̈ − want_r, 0)² by Newton steps over the rows that push."""
+    wider = jnp.asarray(chain.friction)
+
+    def newton_step(_: Any, qacc: Joints) -> Joints:
+        pushing = jnp.where(rows.side * qacc < rows.stop_want, rows.stop, 0.0)
+        hessian = mass + jnp.diag(pushing)
+        right = force + pushing * rows.side * rows.stop_want
+        if chain.radius.size:
+            slip, rise, _turning = move(at, chain.moves_end, rows.point, qacc)
+            ahead, behind = rows.rise_want + rows.slip_want, rows.rise_want - rows.slip_want
+            plus = jnp.where(rise + wider * slip < ahead, rows.hold, 0.0)
+            minus = jnp.where(rise - wider * slip < behind, rows.hold, 0.0)
+            sides = jnp.where(rise < rows.rise_want, 2 * rows.hold, 0.0)  # the pyramid's edges out of the plane
+            block = (wider**2 * (plus + minus), wider * (plus - minus), plus + minus + sides, jnp.zeros_like(plus))
+            up = plus * ahead + minus * behind + sides * rows.rise_want
+            push = (wider * (plus * ahead - minus * behind), up, jnp.zeros_like(up))
+            hessian = hessian + stiff(at, chain.moves_end, rows.point, block)
+            right = right + feel(at, chain.moves_end, rows.point, push)
+        return solve(chain, hessian, right)
+
+    return jax.lax.fori_loop(0, iterations, newton_step, guess)
+
+
+def solve(chain: Chain, matrix: Float[Array, "V V"], vector: Joints) -> Joints:
+    """matrix⁻¹ vector, eliminated from the leaves so that nothing fills in (Featherstone, section 6.5), in scalars."""
+    size = vector.size
+    above = [[i for i in range(j) if chain.above[j, i]] for j in range(size)]
+    left = {(j, i): matrix[j, i] for j in range(size) for i in [*above[j], j]}
+    right = [vector[j] for j in range(size)]
+    for k in reversed(range(size)):
+        for i in above[k]:
+            ratio = left[k, i] / left[k, k]
+            for j in [*above[i], i]:
+                left[i, j] = left[i, j] - ratio * left[k, j]
+            right[i] = right[i] - ratio * right[k]
+    answer: list[Float[Array, ""]] = []
+    for k in range(size):
+        known = sum((left[k, i] * answer[i] for i in above[k]), jnp.zeros(()))
+        answer.append((right[k] - known) / left[k, k])
+    return jnp.stack(answer)
+
+
+def planar_physics(
+    model: Any, integrator: str, frame_skip: int, iterations: int
+) -> Callable[[Joints, Joints, Float[Array, " A"]], tuple[Joints, Joints]]:
+    """One control step (qpos, qvel, action) → (qpos, qvel) of a compiled model's planar body."""
+    chain, dt = chain_of(model), float(model.opt.timestep)
+
+    def dynamics(
+        qpos: Joints, qvel: Joints, action: Float[Array, " A"], guess: Joints
+    ) -> tuple[Joints, Float[Array, "V V"]]:
+        at = pose(chain, qpos)
+        links = jnp.asarray(chain.mass)
+        block = (links, jnp.zeros_like(links), links, jnp.asarray(chain.inertia))
+        mass = stiff(at, chain.moves, at.centre, block) + np.diag(chain.armature)
+        force, rows = smooth_force(chain, at, qvel, action), constraint_rows(chain, at, qpos, qvel)
+        return constrain(chain, at, rows, mass, force, guess, iterations), mass
+
+    def euler(qpos: Joints, qvel: Joints, action: Float[Array, " A"], guess: Joints) -> tuple[Joints, Joints, Joints]:
+        """Semi-implicit, the joints' damping implicit: (M + dt D) Δq̇ = dt M q̈ (MuJoCo, "Numerical integration")."""
+        qacc, mass = dynamics(qpos, qvel, action, guess)
+        step = qacc
+        if chain.damping.any():
+            lower = mass * chain.above
+            full = lower + lower.T - jnp.diag(jnp.diag(mass))
+            step = solve(chain, mass + np.diag(dt * chain.damping), full @ qacc)
+        qvel = qvel + dt * step
+        return qpos + dt * qvel, qvel, qacc
+
+    def rk4(qpos: Joints, qvel: Joints, action: Float[Array, " A"], guess: Joints) -> tuple[Joints, Joints, Joints]:
+        """The classical fourth-order Runge–Kutta step; each stage starts its solver from the stage before."""
+        speed, rate, speeds, rates = qvel, guess, jnp.zeros_like(qvel), jnp.zeros_like(qvel)
+        for share, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):
+            place = qpos + share * dt * speed
+            speed = qvel + share * dt * rate if share else qvel
+            rate, _ = dynamics(place, speed, action, rate)
+            speeds, rates = speeds + weight * speed, rates + weight * rate
+        return qpos + dt * speeds, qvel + dt * rates, rate
+
+    one = {"euler": euler, "rk4": rk4}[integrator]
+
+    def physics(qpos: Joints, qvel: Joints, action: Float[Array, " A"]) -> tuple[Joints, Joints]:
+        def substep(carry: tuple[Joints, Joints, Joints], _: None) -> tuple[tuple[Joints, Joints, Joints], None]:
+            qpos, qvel, guess = carry
+            return one(qpos, qvel, action, guess), None
+
+        (qpos, qvel, _), _ = jax.lax.scan(substep, (qpos, qvel, jnp.zeros_like(qvel)), None, length=frame_skip)
+        return qpos, qvel
+
+    return physics
