@@ -18,6 +18,7 @@ class Method:
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
     learner: Literal["ppo", "cloning"] = "ppo"
+    settings: Literal["paper", "tuned"] = "paper"  # which defaults of `config` it runs with
 
     @property
     def needs_true_reward(self) -> bool:
@@ -47,12 +48,13 @@ _CORRECTED = Method(
     step_test="ratio",
     sampled_from="pool",
     constrained_policy=True,
+    settings="tuned",
 )
 _AIRL = Method(reward="learned", judge="state_action", feasibility="none", terms=("discriminator",))
 
 METHODS: dict[str, Method] = {
     "airl": _AIRL,
-    "airl_centred": replace(_AIRL, judge="centred", sampled_from="pool"),
+    "airl_centred": replace(_AIRL, judge="centred", sampled_from="pool", settings="tuned"),
     "gacl": replace(_ICRL, judge="feasibility", terms=("gacl",)),
     "icrl": _ICRL,
     "icrl_prior": replace(_ICRL, terms=("icrl", "contrast")),

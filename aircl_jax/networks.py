@@ -19,6 +19,7 @@ OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
 STD_FLOOR = 1e-3  # of a coordinate that the demonstrations never move
 # Not orthogonal: its QR calls block the CPU's thread pool when several devices initialise at once.
 HIDDEN_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
+KEY_BOUND = 8.0  # of the attention's log weights: e^8 outweighs 500 steps, and its sums stay exact in float32
 SEQUENCE_BIAS = 1.0  # initial logit of δ_seq: a trajectory is feasible until something speaks against it
 
 
@@ -56,7 +57,7 @@ class Policy(nn.Module):
 
 
 class AttentionEncoder(nn.Module):
-    """Causal attention with one learned query: c_t = Σ_{u≤t} e^{k_u} v_u / Σ_{u≤t} e^{k_u}, then a layer on (x_t, c_t).
+    """Causal attention with one learned query a channel: c_t = Σ_{u≤t} e^{k_u} h_u / Σ_{u≤t} e^{k_u}, a layer on (h_t, c_t).
 
     Linear in T (the query does not depend on t), so it sees what came before each step at H = 500 for the price of two sums.
     """
@@ -67,9 +68,9 @@ class AttentionEncoder(nn.Module):
     def __call__(self, x: Float[Array, "T I"], mask: Float[Array, " T"]) -> Float[Array, ""]:
         first, *rest = self.hidden
         h = nn.relu(nn.Dense(first, kernel_init=HIDDEN_INIT)(x))
-        key, value = nn.Dense(first)(h), nn.Dense(first)(h)
-        weight = jnp.exp(8.0 * jnp.tanh(key / 8.0)) * mask[:, None]
-        context = jnp.cumsum(weight * value, axis=0) / (jnp.cumsum(weight, axis=0) + 1e-6)
+        key = KEY_BOUND * nn.tanh(nn.Dense(first)(h) / KEY_BOUND)
+        weight = jnp.exp(key) * mask[:, None]
+        context = jnp.cumsum(weight * h, axis=0) / (jnp.cumsum(weight, axis=0) + 1e-6)
         y = jnp.concatenate([h, context], axis=-1)
         for width in rest or (first,):
             y = nn.relu(nn.Dense(width, kernel_init=HIDDEN_INIT)(y))

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from aircl_jax import demonstrations as files
-from aircl_jax.config import DEFAULTS, TrainConfig
+from aircl_jax.config import TrainConfig, default_config
 from aircl_jax.methods import Method, get_method
 from aircl_jax.settings import plain, updated
 from aircl_jax.types import Trajectory
@@ -69,9 +69,10 @@ def make_plan(
 ) -> Plan:
     """Resolve names, defaults and files. Raises ValueError, in one line, for whatever does not fit."""
     world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
+    name = env.name if isinstance(env, Env) else env
     row = get_method(method, contrast_prior)
     if not isinstance(config, TrainConfig):
-        config = updated(DEFAULTS.get(world.name, TrainConfig()), config, "train")
+        config = updated(default_config(name, row.settings), config, "train")
     if iterations != "default":
         config = replace(config, iterations=_at_least("iterations", iterations, 1))
     _check_config(config, "train")

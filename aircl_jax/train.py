@@ -17,7 +17,7 @@ from aircl_jax.networks import Networks, make_networks
 from aircl_jax.relabel import policy_reward
 from aircl_jax.rollout import rollouts
 from aircl_jax.sampler import SAMPLERS, take
-from aircl_jax.types import Metrics, ObsStats, Params, Trajectory, TrainState
+from aircl_jax.types import Metrics, ObsStats, Params, TrainState, Trajectory
 from envs import Env
 
 
@@ -33,6 +33,10 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     if method.needs_true_reward and not env.has_reward and method.judge != "feasibility":
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     nets = make_networks(env, method, config)
+    pooled = method.sampled_from == "pool"
+    num_policy = config.num_trajectories * (config.pool if pooled else 1)
+    # Where earlier policies count too, D_P ∪ replay is N trajectories, half of each.
+    num_judged = config.num_trajectories // 2 if pooled else config.num_trajectories
 
     def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
         key, key_nets, key_replay = jax.random.split(key, 3)
@@ -42,7 +46,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             ppo_opt=ppo.make_optimiser(config.ppo).init((params.policy, params.value)),
             adversary_opt=adversary.make_optimiser(config).init((params.reward, params.feasibility)),
             obs_stats=stats,
-            replay=rollouts(env, nets, params, stats, key_replay, config.num_trajectories),
+            replay=rollouts(env, nets, params, stats, key_replay, num_judged),
             key=key,
             step=jnp.zeros((), jnp.int32),
         )
@@ -50,14 +54,13 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_sampler, key_replay, key_policy = jax.random.split(state.key, 5)
         params, stats = state.params, state.obs_stats
-        number = config.num_trajectories * (config.pool if method.sampled_from == "pool" else 1)
 
-        policy = rollouts(env, nets, params, stats, key_rollout, number)  # line 4: D_P
+        policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4: D_P
         log_delta = trajectory_feasibility(nets, params, stats, policy)
         sampled = draw(nets, policy, log_delta, key_sampler)  # line 3: D_S, Eq. 9
 
-        head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
-        batches = Batches(expert, sampled, policy=head, replay=state.replay)
+        recent = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
+        batches = Batches(expert, sampled, recent, replay=state.replay)
         params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6
             nets, params, state.adversary_opt, stats, batches
         )
@@ -68,12 +71,13 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
                 nets, params, state.ppo_opt, stats, policy, reward, bonus, key_policy, config.ppo
             )
-        metrics = step_metrics(nets, state.params, stats, expert, sampled, policy, log_delta)
+        expert_log_delta = trajectory_feasibility(nets, state.params, stats, expert)
+        metrics = step_metrics(sampled, policy, log_delta, expert_log_delta)
         state = state._replace(
             params=params,
             ppo_opt=ppo_opt,
             adversary_opt=adversary_opt,
-            replay=refresh(state.replay, head, key_replay, config.adversary.replay_rate),
+            replay=refresh(state.replay, recent, key_replay, config.adversary.replay_rate),
             key=key,
             step=state.step + 1,
         )

@@ -95,3 +95,6 @@ class Env:
     constraint_input: Literal["state", "state_action"] = "state"  # what a constraint of this kind of task speaks of
     has_reward: bool = True  # False for animals: there is no true reward to read
     tabular: Tabular | None = None  # the world as tables, where it is finite
+    expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
+    success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal
+    demonstrations: str | None = None  # name of the shipped D_E (and of its reference set), where experts are trained

@@ -120,8 +120,8 @@ def _env(name: str, options: GridOptions | NonMarkovOptions, table: Tabular) -> 
         reward = distance_gain[state % len(distance_gain), successor % len(distance_gain)]
         return successor, Step(table.obs[successor], reward, table.cost[state], jnp.zeros(()))
 
-    coordinates = np.stack(np.divmod(np.arange(options.size**2), options.size), axis=1) / max(options.size - 1, 1)
-    view = jnp.asarray(coordinates, jnp.float32)
+    row, column = np.divmod(np.arange(options.size**2), options.size)
+    view = jnp.asarray(np.concatenate([np.eye(options.size)[row], np.eye(options.size)[column]], axis=1), jnp.float32)
     return Env(
         name=name,
         horizon=options.horizon,
@@ -131,8 +131,11 @@ def _env(name: str, options: GridOptions | NonMarkovOptions, table: Tabular) -> 
         step=step,
         finite_horizon=True,
         reward_view=lambda obs: obs @ view,
-        reward_view_size=2,
+        reward_view_size=2 * options.size,
         tabular=table,
+        expert_temperature=options.temperature,
+        # The rewards telescope to scale × the distance covered, so the whole distance means the goal.
+        success_return=options.reward_scale * float(np.abs(np.subtract(options.start, options.goal)).sum()),
     )
 
 

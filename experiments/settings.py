@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from hydra.core.config_store import ConfigStore
 
-from aircl_jax.config import DEFAULTS, TrainConfig
+from aircl_jax.config import TrainConfig, default_config
 from aircl_jax.methods import METHODS
 from aircl_jax.settings import plain
 from envs import ENVS
@@ -54,9 +54,12 @@ def register() -> None:
     store.store(name="run", node={"defaults": _DEFAULTS, **asdict(RunSettings()), "hydra": _HYDRA})
     for name, row in ENVS.items():
         store.store(group="env", name=name, node=plain(asdict(row.options())))
-        train = plain(asdict(DEFAULTS.get(name, TrainConfig())))
-        iterations = train.pop("iterations")
-        store.store(group="train", name=name, node={"iterations": iterations, "train": train}, package="_global_")
+        for method in METHODS:
+            train = plain(asdict(default_config(name, METHODS[method].settings)))
+            node = {"iterations": train.pop("iterations"), "train": train}
+            store.store(group="train", name=f"{name}_{method}", node=node, package="_global_")
+    for method in METHODS:
+        store.store(group="method", name=method, node={"method": method}, package="_global_")
 
 
 def choices(group: str, env: str) -> list[str]:
@@ -75,10 +78,12 @@ def _nested(prefix: str, config: Any) -> Mapping[str, list[str]]:
     return names
 
 
+GROUPS = {"env": list(ENVS), "method": list(METHODS), "scale": ["full", "smoke"], "train": []}
 _DEFAULTS = [
     "_self_",
     {"env": "gridworld"},
-    {"train": "${env}"},
+    {"method": "aircl_corrected"},
+    {"train": "${env}_${method}"},
     {"scale": "full"},
     {"override hydra/job_logging": "none"},
     {"override hydra/hydra_logging": "none"},

@@ -1,0 +1,42 @@
+"""Alarms: what looks degenerate in a run's final metrics, said in plain sentences that name the seeds."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+
+class Alarm(NamedTuple):
+    """A metric, when it rings, and what that means."""
+
+    metric: str
+    rings: Callable[[float], bool]
+    meaning: str
+
+
+ALARMS = (
+    Alarm("feasibility_expert", lambda x: x < 0.05, "δ̄ has collapsed: it calls the demonstrations themselves infeasible"),
+    Alarm("feasibility_expert", lambda x: 0.05 <= x < 0.6, "δ̄ over-flags: many demonstrations count as infeasible"),
+    Alarm("feasibility_auroc", lambda x: x < 0.5, "δ̄ is inverted: it ranks violating trajectories above clean ones"),
+    Alarm("feasibility_gap", lambda x: abs(x) < 0.05, "δ̄ is silent: it gives clean and violating trajectories the same value"),
+    Alarm("effective_sample_size", lambda x: x < 0.1, "the resampling is degenerate: few trajectories carry all weight"),
+    Alarm("logit_size", lambda x: x > 10.0, "the discriminator is saturated: its mean |logit| is above 10"),
+    Alarm("log_std_at_bound", lambda x: x > 0.0, "the policy's log σ stands at a bound"),
+    Alarm("balanced_acc", lambda x: x > 0.65, "the discriminator still tells π from the expert: π or f lags behind"),
+)
+
+
+def alarms(seeds: Sequence[int], metrics: Mapping[str, Mapping[str, Sequence[float | None]]]) -> list[str]:
+    """One sentence for each alarm that rings, from the `seeds` and `metrics` of a summary."""
+    sentences = []
+    for alarm in ALARMS:
+        values = metrics.get(alarm.metric, {}).get("per_seed", [])
+        ringing = [
+            seed
+            for seed, value in zip(seeds, values, strict=False)
+            if value is not None and math.isfinite(value) and alarm.rings(value)
+        ]
+        if ringing:
+            which = ", ".join(map(str, ringing))
+            shown = ", ".join(f"{value:.3g}" for seed, value in zip(seeds, values, strict=False) if seed in ringing)
+            sentences.append(f"{alarm.meaning} ({alarm.metric} {shown}; seed {which}).")
+    return sentences
