@@ -1,7 +1,7 @@
 """The front door: `train` runs a method on an environment over seeds, with or without a run directory."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -113,28 +113,27 @@ def _train(
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
     if directory and directory.finished and saved:
         return _result(plan, networks, saved, expert, directory.summary(), directory, [])
-    if directory:
-        directory.begin()
-    with _defects_apart():
-        states, session = run_session(
-            runner,
-            saved or runner.init(expert),
-            expert,
-            start=directory.start if directory else 0,
-            iterations=plan.config.iterations,
-            chunk=plan.config.chunk,
-            evaluate=_evaluator(networks, expert, reference),
-            env_steps=plan.env_steps,
-            directory=directory,
-            stopwatch=stopwatch,
-            on_progress=on_progress,
-        )
-    summary = report.summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
-    result = _result(plan, networks, states, expert, summary, directory, session.rows)
-    if directory:
-        figures: list[Path] = []
-        directory.write_report(report.report(summary, result.alarms, figures, command))
-        directory.write_summary(summary)
+    with directory.held() if directory else nullcontext():
+        with _defects_apart():
+            states, session = run_session(
+                runner,
+                saved or runner.init(expert),
+                expert,
+                start=directory.start if directory else 0,
+                iterations=plan.config.iterations,
+                chunk=plan.config.chunk,
+                evaluate=_evaluator(networks, expert, reference),
+                env_steps=plan.env_steps,
+                directory=directory,
+                stopwatch=stopwatch,
+                on_progress=on_progress,
+            )
+        summary = report.summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
+        result = _result(plan, networks, states, expert, summary, directory, session.rows)
+        if directory:
+            figures: list[Path] = []
+            directory.write_report(report.report(summary, result.alarms, figures, command))
+            directory.write_summary(summary)
     return result
 
 
@@ -162,9 +161,10 @@ def _result(
     directory: runs.RunDirectory | None,
     rows: Sequence[Row],
 ) -> Result:
+    per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=alarms(summary["seeds"], summary["metrics"]),
+        alarms=alarms(summary["seeds"], per_seed),
         history=runs.read_metrics(directory.path) if directory else runs.stack(rows),
         plan=plan,
         networks=networks,

@@ -128,7 +128,7 @@ def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> 
 
 def suggestions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Commands that answer the questions one has after a run, each with its purpose."""
-    env, method = summary["env"], summary["method"]
+    env, method = summary["env"].partition(" ")[0], summary["method"]
     run = f"python -m experiments.run env={env}"
     baseline = "airl_centred" if method != "airl_centred" else "aircl_corrected"
     return [

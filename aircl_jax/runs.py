@@ -4,13 +4,15 @@ A chunk ends with metrics.jsonl, then the checkpoint by a rename, then timing.js
 newest checkpoint is cut off on resume, so that a resumed metrics.jsonl has the bytes of the uninterrupted one.
 """
 
+import fcntl
 import json
 import os
 import shutil
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import yaml
@@ -33,25 +35,32 @@ class RunDirectory:
     settings: Settings
     start: int = 0
     finished: bool = False
-    lock: IO[str] | int | None = field(default=None, repr=False)
 
-    def begin(self) -> None:
-        """Take the directory: a fresh run clears an old one, a resumed run cuts its files off at its checkpoint."""
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Hold the directory, ready to be written: an old run is cleared, a resumed one cut off at its checkpoint."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            self.lock = _lock(self.path)
-            if self.start == 0:
-                _clear(self.path)
-            _write(self.path / CONFIG, yaml.safe_dump(dict(self.settings), sort_keys=False, allow_unicode=True))
-            for name in (SUMMARY, REPORT):
-                (self.path / name).unlink(missing_ok=True)
-            for iteration, checkpoint in _checkpoints(self.path).items():
-                if iteration > self.start:
-                    _discard(checkpoint)
-            _cut(self.path / METRICS, self.start)
-            _cut(self.path / TIMING, sum(line["iteration"] <= self.start for line in self.timing()))
+            lock = _lock(self.path)
+            self._prepare()
         except OSError as error:
             raise ValueError(f"run_dir={self.path} cannot be written: {error.strerror}; choose another") from error
+        try:
+            yield
+        finally:
+            os.close(lock)
+
+    def _prepare(self) -> None:
+        if self.start == 0:
+            _clear(self.path)
+        _write(self.path / CONFIG, yaml.safe_dump(dict(self.settings), sort_keys=False, allow_unicode=True))
+        for name in (SUMMARY, REPORT):
+            (self.path / name).unlink(missing_ok=True)
+        for iteration, checkpoint in _checkpoints(self.path).items():
+            if iteration > self.start:
+                _discard(checkpoint)
+        _cut(self.path / METRICS, self.start)
+        _cut(self.path / TIMING, sum(line["iteration"] <= self.start for line in self.timing()))
 
     def append_metrics(self, rows: Sequence[Mapping[str, np.ndarray]]) -> None:
         """A line per iteration, every metric a list over seeds."""
@@ -65,7 +74,7 @@ class RunDirectory:
             file.write(json.dumps(timing) + "\n")
 
     def save(self, state: Any, iteration: int, chunk: int) -> None:
-        """The checkpoint of an iteration; of the older ones the last multiple of `chunk` stays, where longer runs start."""
+        """The checkpoint of an iteration; of older ones the last multiple of `chunk` stays, where longer runs start."""
         from aircl_jax import checkpoint
 
         (self.path / STATE).mkdir(exist_ok=True)
@@ -182,20 +191,14 @@ def _check_writable(path: Path) -> None:
         raise ValueError(f"run_dir={path}: {nearest} is not writable; choose another directory")
 
 
-def _lock(path: Path) -> int | None:
-    """Hold the directory until this process ends. Raises ValueError where another process holds it."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return None
+def _lock(path: Path) -> int:
+    """A handle that holds the directory until it is closed. Raises ValueError where another process holds it."""
     handle = os.open(path, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         os.close(handle)
-        raise ValueError(
-            f"run_dir={path} is in use by another process; wait for it or choose another directory"
-        ) from error
+        raise ValueError(f"run_dir={path} is in use by another run; wait for it or choose another directory") from error
     return handle
 
 

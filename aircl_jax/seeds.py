@@ -2,16 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
-from jaxtyping import Array, PRNGKeyArray
+from jaxtyping import Array, Key
 
 from aircl_jax.train import Trainer
-from aircl_jax.types import Metrics, Trajectory, TrainState
+from aircl_jax.types import Metrics, TrainState, Trajectory
 
 
 class Runner(NamedTuple):
@@ -21,7 +20,7 @@ class Runner(NamedTuple):
     run_chunk: Callable[[TrainState, Trajectory, int], tuple[TrainState, Metrics]]
 
 
-def seed_keys(seeds: Sequence[int]) -> PRNGKeyArray:
+def seed_keys(seeds: Sequence[int]) -> Key[Array, " S"]:
     """The key of each seed, [S]."""
     return jax.vmap(jax.random.key)(jnp.asarray(seeds, jnp.uint32))
 
@@ -36,7 +35,7 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
     shard = partial(jax.shard_map, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
     sharding = NamedSharding(mesh, spec)
 
-    def place(tree: Trajectory) -> Trajectory:
+    def place(tree: Any) -> Any:
         return jax.device_put(tree, sharding)
 
     init = jax.jit(shard(jax.vmap(trainer.init)))

@@ -101,4 +101,5 @@ def _describe(annotation: Any) -> str:
 
 def _shown(value: Any) -> str:
     """As one would type it on the command line."""
-    return {True: "true", False: "false"}[value] if isinstance(value, bool) else str(plain(value))
+    written = {"True": "true", "False": "false", "None": "null"}
+    return written.get(str(value), str(plain(value)))

@@ -36,7 +36,7 @@ def launch(task: Callable[[DictConfig], None], config_name: str, argv: Sequence[
     except KeyboardInterrupt:
         print("interrupted; the same command with resume=true continues", file=sys.stderr)
         return INTERRUPTED
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of Hydra, the job keeps its own
         return _complain(_in_one_line(error, argv))
     finally:
         GlobalHydra.instance().clear()
@@ -71,4 +71,7 @@ def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
         return f"unknown setting {key}; choose from {', '.join(settings.choices(key.rpartition('.')[0], env))}"
     if isinstance(error, OverrideParseException):
         return f"cannot read {error.override!r}; write NAME=VALUE, and quote what the shell or a list would take apart"
+    if "Config group override" in str(error):  # a number where a name is needed
+        group, name = next((arg.partition("=")[::2] for arg in argv if re.match(r"\w+=-?[\d.]+$", arg)), ("name", ""))
+        return f"unknown {group} {name!r}; choose from {', '.join(settings.GROUPS.get(group, []))}"
     return str(error).splitlines()[0]

@@ -1,5 +1,6 @@
 """How far a run is: a bar on a terminal, a plain line now and then elsewhere."""
 
+import math
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -16,12 +17,14 @@ SECONDS_BETWEEN_LINES = 10.0
 class Reporter:
     """Callable with each `Progress` of one run."""
 
-    def __init__(self) -> None:
+    def __init__(self, headline: str) -> None:
+        self.headline = headline
         self.bar: tqdm | None = None
         self.last_line = float("-inf")
 
     def __call__(self, progress: "Progress") -> None:
         if not progress.metrics:
+            print(self.headline)
             print("compiling; the first start takes the longest, later ones use the cache", flush=True)
         if sys.stdout.isatty():
             self._draw(progress)
@@ -52,5 +55,5 @@ def _details(progress: "Progress") -> str:
     if progress.env_steps_per_s is not None and progress.seconds_left is not None:
         minutes, seconds = divmod(round(progress.seconds_left), 60)
         parts += [f"{progress.env_steps_per_s:,.0f} env steps/s", f"{minutes}:{seconds:02d} left"]
-    measured = [name for name in LIVE if name in progress.metrics][:3]
+    measured = [name for name in LIVE if math.isfinite(progress.metrics.get(name, math.nan))][:3]
     return "  ".join([*parts, *(f"{name} {progress.metrics[name]:.3g}" for name in measured)])

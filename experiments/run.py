@@ -37,10 +37,8 @@ def run(config: DictConfig, command: str) -> None:
 
     from aircl_jax import report, train
 
-    print(
-        f"{settings.method} on {env}, {settings.seeds} seeds, {settings.iterations} iterations, in {settings.run_dir}"
-    )
-    reporter = Reporter()
+    iterations = f"{settings.iterations} iterations of {settings.seeds} seeds"
+    reporter = Reporter(f"{settings.method} on {env}, {iterations}, in {settings.run_dir}")
     try:
         result = train(
             env=env,

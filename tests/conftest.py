@@ -4,8 +4,7 @@ from pathlib import Path
 
 from jaxtyping import install_import_hook
 
-install_import_hook(["aircl_jax", "envs"], "beartype.beartype")
-
-from aircl_jax import runtime  # noqa: E402
+from aircl_jax import runtime
 
 runtime.prepare(devices=2, cache=Path(__file__).parent.parent / ".pytest_cache" / "jax")
+install_import_hook(["aircl_jax", "envs"], "beartype.beartype")  # what it loads imports jax: after `prepare`
