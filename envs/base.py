@@ -73,6 +73,15 @@ class Tabular(NamedTuple):
     goal: Float[Array, " X"]  # 1 where the episode has succeeded (all 0 in a world without a goal)
 
 
+class Layout(NamedTuple):
+    """A square grid as it is drawn; cells are [row, column], and observation i is one-hot of [i // size, i % size]."""
+
+    size: int
+    start: tuple[int, int]
+    goal: tuple[int, int]
+    zones: dict[str, tuple[tuple[int, int], ...]]  # the cells that the constraint speaks of, by name
+
+
 def _identity(obs: Float[Array, " O"]) -> Float[Array, " R"]:
     return obs
 
@@ -98,3 +107,4 @@ class Env:
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
     success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal
     demonstrations: str | None = None  # name of the shipped D_E (and of its reference set), where experts are trained
+    layout: Layout | None = None  # how to draw a world whose observations are the cells of a grid

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from envs.base import Discrete, Env, Step, Tabular
+from envs.base import Discrete, Env, Layout, Step, Tabular
 from envs.options import GridOptions, NonMarkovOptions
 
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])  # up, right, down, left
@@ -32,7 +32,7 @@ def make_gridworld(options: GridOptions) -> Env:
     cells = np.eye(options.size**2)
     table = _table(options, transition, reward, cost=blocked, forbidden=blocked, obs=cells)
     _check_reachable(options, table, f"env.obstacles={_show(options.obstacles)}")
-    return _env("gridworld", options, table)
+    return _env("gridworld", options, table, {"obstacle": options.obstacles})
 
 
 def make_nonmarkov(options: NonMarkovOptions) -> Env:
@@ -67,7 +67,7 @@ def make_nonmarkov(options: NonMarkovOptions) -> Env:
         start=_index(options.start, options.size) + cells * int(in_a[_index(options.start, options.size)]),
     )
     _check_reachable(options, table, f"env.zone_a={_show(options.zone_a)} env.zone_b={_show(options.zone_b)}")
-    return _env("nonmarkov", options, table)
+    return _env("nonmarkov", options, table, {"A": options.zone_a, "B": options.zone_b})
 
 
 def _index(cell: Cell, size: int) -> int:
@@ -104,7 +104,9 @@ def _table(
     return Tabular(*(jnp.asarray(array, jnp.float32) for array in arrays))
 
 
-def _env(name: str, options: GridOptions | NonMarkovOptions, table: Tabular) -> Env:
+def _env(
+    name: str, options: GridOptions | NonMarkovOptions, table: Tabular, zones: dict[str, tuple[Cell, ...]]
+) -> Env:
     distance_gain = options.reward_scale * _distance_gain(options)
 
     def reset(key: PRNGKeyArray) -> tuple[Int[Array, ""], Float[Array, " O"]]:
@@ -136,6 +138,7 @@ def _env(name: str, options: GridOptions | NonMarkovOptions, table: Tabular) -> 
         expert_temperature=options.temperature,
         # The rewards telescope to scale × the distance covered, so the whole distance means the goal.
         success_return=options.reward_scale * float(np.abs(np.subtract(options.start, options.goal)).sum()),
+        layout=Layout(options.size, options.start, options.goal, zones),
     )
 
 
