@@ -199,12 +199,17 @@ def planar_physics(
 
     def rk4(qpos: Joints, qvel: Joints, action: Float[Array, " A"], guess: Joints) -> tuple[Joints, Joints, Joints]:
         """The classical fourth-order Runge–Kutta step; each stage starts its solver from the stage before."""
-        speed, rate, speeds, rates = qvel, guess, jnp.zeros_like(qvel), jnp.zeros_like(qvel)
-        for share, weight in ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)):
-            place = qpos + share * dt * speed
-            speed = qvel + share * dt * rate if share else qvel
+
+        def stage(carry: tuple[Joints, ...], weights: Float[Array, "2"]) -> tuple[tuple[Joints, ...], None]:
+            speed, rate, speeds, rates = carry
+            share, weight = weights
+            place, speed = qpos + share * dt * speed, qvel + share * dt * rate
             rate, _ = dynamics(place, speed, action, rate)
-            speeds, rates = speeds + weight * speed, rates + weight * rate
+            return (speed, rate, speeds + weight * speed, rates + weight * rate), None
+
+        tableau = jnp.array([[0, 1 / 6], [1 / 2, 1 / 3], [1 / 2, 1 / 3], [1, 1 / 6]])
+        start = (qvel, guess, jnp.zeros_like(qvel), jnp.zeros_like(qvel))
+        (_, rate, speeds, rates), _ = jax.lax.scan(stage, start, tableau)
         return qpos + dt * speeds, qvel + dt * rates, rate
 
     one = {"euler": euler, "rk4": rk4}[integrator]

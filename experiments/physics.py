@@ -1,0 +1,108 @@
+"""`python -m experiments.physics`: setting → speed → deviation from C MuJoCo, the table of docs/physics.md."""
+
+import argparse
+import importlib
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from aircl_jax import runtime
+
+ENVS_AT_ONCE, STEPS, REPEATS = 500, 100, 5
+OPEN_LOOP = 50  # control steps
+FINE = 10  # substeps of the reference per substep of the model
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bodies", nargs="*", default=["swimmer", "walker", "pendulum"])
+    parser.add_argument("--mjx", action="store_true", help="also the engine mjx, which compiles for minutes")
+    options = parser.parse_args()
+    cache = tempfile.TemporaryDirectory()  # empty, so that compiling is timed
+    runtime.prepare(devices=2, cache=Path(cache.name))
+    print(
+        "| body | engine | integrator | env steps/s, best (median) | compile s | |Δqpos| from fine RK4 after 50 steps |"
+    )
+    print("|---|---|---|---|---|---|")
+    for name in options.bodies:
+        for engine in ("planar", "mjx") if options.mjx else ("planar",):
+            for integrator in ("euler", "rk4"):
+                best, median, compiling = speed(name, engine, integrator)
+                off = f"{deviation(name, engine, integrator):.1e}"
+                print(
+                    f"| {name} | {engine} | {integrator} | {best:,.0f} ({median:,.0f}) | {compiling:.0f} | {off} |",
+                    flush=True,
+                )
+
+
+def speed(name: str, engine: str, integrator: str) -> tuple[float, float, float]:
+    """Environment steps per second under random actions (best and median of repeats), and seconds to compile."""
+    import jax
+
+    from envs import make_env
+
+    env = make_env(name, engine=engine, integrator=integrator)
+
+    def episode(key: Any) -> Any:
+        key_reset, key_steps = jax.random.split(key)
+
+        def one(state: Any, key: Any) -> Any:
+            action = jax.random.normal(key, env.action_space.shape)
+            state, step = env.step(key, state, action)
+            return state, step.reward
+
+        return jax.lax.scan(one, env.reset(key_reset)[0], jax.random.split(key_steps, STEPS))[1].sum()
+
+    mesh = jax.make_mesh((len(jax.devices()),), ("env",), axis_types=(jax.sharding.AxisType.Auto,))
+    spec = jax.sharding.PartitionSpec("env")
+    run = jax.jit(jax.shard_map(jax.vmap(episode), mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False))
+    keys = jax.random.split(jax.random.key(0), ENVS_AT_ONCE)
+    compiling = _seconds(partial(run, keys))
+    seconds = sorted(_seconds(partial(run, keys)) for _ in range(REPEATS))
+    work = ENVS_AT_ONCE * STEPS
+    return work / seconds[0], work / seconds[REPEATS // 2], compiling
+
+
+def _seconds(run: Any) -> float:
+    import jax
+
+    start = time.perf_counter()
+    jax.block_until_ready(run())
+    return time.perf_counter() - start
+
+
+def deviation(name: str, engine: str, integrator: str, episodes: int = 20) -> float:
+    """Median over episodes of the largest |Δqpos| (m, rad) from RK4 at a tenth of the timestep, smooth torques."""
+    import jax
+    import jax.numpy as jnp
+    import numpy as np
+
+    from envs.mjx import ENGINES, compile_model
+    from envs.tasks import ROBOTS
+
+    mujoco: Any = importlib.import_module("mujoco")
+    robot, generator = ROBOTS[name], np.random.default_rng(0)
+    body, fine = robot.body, compile_model(robot.body, "rk4")
+    fine.opt.timestep, fine.opt.iterations, fine.opt.ls_iterations = fine.opt.timestep / FINE, 100, 50
+    step = jax.jit(jax.vmap(ENGINES[engine](compile_model(body, integrator), body, integrator)))
+    phase = generator.uniform(0, 2 * np.pi, (episodes, fine.nu))
+    waves = [0.2 * np.sin(0.3 * t + phase) for t in range(OPEN_LOOP)]
+    qpos = fine.qpos0 + generator.uniform(-body.reset_noise, body.reset_noise, (episodes, fine.nq))
+    ours = jnp.float32(qpos), jnp.zeros((episodes, fine.nv))
+    for action in waves:
+        ours = step(*ours, jnp.float32(action))
+    off = []
+    for episode in range(episodes):
+        data = mujoco.MjData(fine)
+        data.qpos = qpos[episode]
+        for action in waves:
+            data.ctrl = action[episode]
+            mujoco.mj_step(fine, data, nstep=body.frame_skip * FINE)
+        off.append(np.abs(np.asarray(ours[0][episode]) - data.qpos).max())
+    return float(np.median(off))
+
+
+if __name__ == "__main__":
+    main()
