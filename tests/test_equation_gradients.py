@@ -9,14 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from tiny import TINY, tiny_grid, tiny_networks, unit_stats
+from tiny import TINY, random_trajectories, tiny_grid, tiny_networks, unit_stats
 
 from aircl_jax.adversary import TERMS, Batches, score_all
 from aircl_jax.config import Coefficients
 from aircl_jax.feasibility import log_feasibility
 from aircl_jax.methods import METHODS
-from aircl_jax.types import Trajectory
-from envs import Env
 
 
 @pytest.fixture(autouse=True)
@@ -34,7 +32,7 @@ class Setting:
         self.config = replace(TINY, coefficients=Coefficients(ratio_clip=ratio_clip))
         self.nets, params = tiny_networks(env, method, self.config)
         self.params, self.stats = params, unit_stats(env)
-        self.batches = Batches(*(visits(env, seed) for seed in range(4)))
+        self.batches = Batches(*(random_trajectories(env, seed, 5) for seed in range(4)))
         self.theta, self.unravel_theta = ravel_pytree(params.reward)
         self.phi, self.unravel_phi = ravel_pytree(params.feasibility)
 
@@ -74,24 +72,6 @@ class Setting:
         coefficient = np.minimum(pi / (1 + np.exp(f) / pi), self.config.coefficients.ratio_clip)
         weighted = coefficient[:, None] * self.feasibility_jacobian("sampled")
         return coefficient, weighted.mean(0) - self.feasibility_jacobian("policy").mean(0)
-
-
-def visits(env: Env, seed: int, number: int = 5) -> Trajectory:
-    """Random cells, actions and log π of episodes that end after 1 to T steps."""
-    random = np.random.default_rng(seed)
-    shape = (number, env.horizon)
-    zeros = jnp.zeros(shape)
-    lengths = random.integers(1, env.horizon + 1, size=(number, 1))
-    return Trajectory(
-        obs=jnp.asarray(np.eye(env.obs_size)[random.integers(env.obs_size, size=shape)]),
-        action=jnp.asarray(random.integers(4, size=shape)),
-        log_prob=jnp.asarray(np.log(random.uniform(0.2, 0.9, size=shape))),
-        value=zeros,
-        reward=zeros,
-        cost=zeros,
-        mask=jnp.asarray((np.arange(env.horizon) < lengths).astype(float)),
-        bootstrap=zeros[:, 0],
-    )
 
 
 @cache
