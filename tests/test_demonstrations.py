@@ -1,0 +1,93 @@
+import pickle
+
+import numpy as np
+import pytest
+from tiny import tiny_grid
+
+from aircl_jax import demonstrations
+from envs import Box, Env
+
+GRID = tiny_grid()
+N, T, O = 3, GRID.horizon, GRID.obs_size
+
+
+def arrays(**changes):
+    """A valid set of demonstrations of the tiny grid, with changes; None takes an array away."""
+    valid = {"obs": np.eye(O, dtype=np.float32)[np.zeros((N, T), int)], "action": np.zeros((N, T), int)}
+    return {name: value for name, value in (valid | changes).items() if value is not None}
+
+
+def npz(tmp_path, **changes):
+    path = tmp_path / "mine.npz"
+    np.savez(path, **arrays(**changes))
+    return path
+
+
+def robot() -> Env:
+    return Env("robot", T, O, Box(2), reset=lambda key: (None, None), step=lambda *_: (None, None))  # pyright: ignore
+
+
+def test_what_is_saved_is_loaded(tmp_path):
+    path = tmp_path / "saved.npz"
+    zeros = np.zeros((N, T))
+    first = demonstrations.load(npz(tmp_path, reward=zeros + 2, cost=zeros, mask=zeros + 1), GRID)
+    demonstrations.save(path, first, {"source": "a test"})
+    for before, after in zip(first, demonstrations.load(path, GRID), strict=True):
+        assert np.array_equal(before, after)
+    assert demonstrations.metadata(path) == {"source": "a test"}
+
+
+def test_what_a_file_does_not_say_is_undefined_and_not_zero(tmp_path):
+    loaded = demonstrations.load(npz(tmp_path), GRID)
+    assert np.isnan(loaded.reward).all() and np.isnan(loaded.cost).all()
+    assert (loaded.mask == 1).all() and (loaded.log_prob == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"obs": np.full((N, T, O), np.nan)}, "obs is not finite in trajectory 0, step 0"),
+        ({"obs": np.zeros((N, T, O + 1))}, rf"obs has shape \[3, 4, {O + 1}\]; gridworld needs \[3, 4, {O}\]"),
+        ({"obs": np.zeros((N, T + 1, O)), "action": np.zeros((N, T + 1), int)}, "obs has shape .* needs"),
+        ({"obs": np.zeros((0, T, O)), "action": np.zeros((0, T), int)}, "it holds no trajectory"),
+        ({"action": np.zeros((N, T, 1), int)}, "action has shape"),
+        ({"action": np.full((N, T), 4)}, "action runs from 4 to 4; gridworld has integers 0 to 3"),
+        ({"action": np.zeros((N, T))}, "action is of type float64; gridworld has integers 0 to 3"),
+        ({"action": None}, "action is missing; it holds obs"),
+        ({"obs": np.full((N, T, O), "a")}, "obs is of type <U1; numbers are needed"),
+        ({"obs": np.full((N, T, O), None)}, "pickled objects"),
+        ({"mask": np.tile([0, 1, 1, 1], (N, 1))}, "mask must be 1 up to"),
+        ({"cost": np.full((N, T), 0.5)}, "cost must be 0 or 1"),
+        ({"reward": np.zeros(N)}, "reward has shape"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(changes, message, tmp_path):
+    path = npz(tmp_path, **changes)
+    with pytest.raises(ValueError, match=message) as caught:
+        demonstrations.load(path, GRID)
+    assert str(caught.value).startswith(f"demonstrations={path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_actions_in_another_unit_are_refused(tmp_path):
+    path = npz(tmp_path, action=np.full((N, T, 2), 40.0))
+    with pytest.raises(ValueError, match=r"far outside \[-1, 1\]"):
+        demonstrations.load(path, robot())
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive", pickle.dumps([1, 2]), b"PK\x03\x04cut short"])
+def test_a_file_of_another_kind_is_refused(content, tmp_path):
+    path = tmp_path / "mine.npz"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"no whole \.npz|pickled"):
+        demonstrations.load(path, GRID)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ValueError, match="there is no such file"):
+        demonstrations.load(tmp_path / "none.npz", GRID)
+
+
+def test_a_folder_without_a_minari_data_set_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="no Minari data set"):
+        demonstrations.load(tmp_path, GRID)
