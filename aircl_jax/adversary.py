@@ -16,7 +16,7 @@ from aircl_jax.config import Coefficients, TrainConfig
 from aircl_jax.feasibility import log_feasibility, log_sequence_feasibility, log_step_feasibility
 from aircl_jax.methods import Method
 from aircl_jax.networks import Networks
-from aircl_jax.types import Metrics, ObsStats, Params, Scores, Trajectory
+from aircl_jax.types import Metrics, ObsStats, Params, Scores
 
 
 class Batches(NamedTuple):
@@ -100,24 +100,30 @@ def contrast(method: Method, config: TrainConfig, coefficients: Coefficients, sc
 
 def minimal(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Section 6's minimal-constraint term, κ · E_S|1 − δ̄(τ)|; on δ_seq alone where the per-step factor is a ratio test."""
-    ratio = method.step_test == "ratio"
-    log_delta = log_sequence_feasibility(method, scores.sampled) if ratio else log_feasibility(
-        method, coefficients, scores.sampled
-    )
-    return coefficients.minimal_coef * (1.0 - jnp.exp(log_delta)).mean()
+    logs = log_sequence_feasibility if method.test == "ratio" else log_feasibility
+    return coefficients.minimal_coef * (1.0 - jnp.exp(logs(method, coefficients, scores.sampled))).mean()
 
 
-def density_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
+def step_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Corrected, per step: E_E mean_t softplus(−z) + E_{P ∪ replay} mean_t softplus(z), so that z = log p_E/p_P."""
     expert = mean_over_steps(jax.nn.softplus(-scores.expert.step_logit), scores.expert.mask).mean()
-    policy = [mean_over_steps(jax.nn.softplus(one.step_logit), one.mask).mean() for one in (scores.policy, scores.replay)]
-    return expert + 0.5 * sum(policy)
+    policy, replay = (
+        mean_over_steps(jax.nn.softplus(one.step_logit), one.mask).mean() for one in (scores.policy, scores.replay)
+    )
+    return expert + 0.5 * (policy + replay)
 
 
-def sequence(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
-    """Corrected, per trajectory: −E_E[δ_seq] − m · E_S[δ_seq] + E_{P ∪ replay}[δ_seq]."""
-    expert, sampled, policy, replay = (jax.nn.sigmoid(one.sequence_logit).mean() for one in scores)
-    return -expert - coefficients.sampled_coef * sampled + 0.5 * (policy + replay)
+def sequence_ratio(
+    method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches
+) -> Float[Array, ""]:
+    """Corrected, per trajectory, z of the order-aware encoder: with D_S as feasible with weight m beside D_E,
+
+    (E_E softplus(−z) + m E_S softplus(−z)) / (1 + m) + E_{P ∪ replay} softplus(z).
+    """
+    m = coefficients.sampled_coef
+    expert, sampled = (jax.nn.softplus(-one.sequence_logit).mean() for one in (scores.expert, scores.sampled))
+    policy, replay = (jax.nn.softplus(one.sequence_logit).mean() for one in (scores.policy, scores.replay))
+    return (expert + m * sampled) / (1.0 + m) + 0.5 * (policy + replay)
 
 
 def gacl(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
@@ -143,8 +149,8 @@ TERMS: dict[str, Term] = {
     "feasibility_gradient": feasibility_gradient,
     "contrast": contrast,
     "minimal": minimal,
-    "density_ratio": density_ratio,
-    "sequence": sequence,
+    "step_ratio": step_ratio,
+    "sequence_ratio": sequence_ratio,
     "gacl": gacl,
     "icrl": icrl,
 }

@@ -15,9 +15,9 @@ class Coefficients:
     minimal_coef: float = 0.001  # κ of the minimal-constraint term, Section 6; Table 2
     cost_budget: float = 0.0  # α of Eq. 10; a constant, so it moves the objective and no gradient
     ratio_clip: float = 1.0  # upper bound of Eq. 12's coefficient π(τ)(1 − D), which is a density and may be e^88
-    sampled_coef: float = 0.5  # m: weight of D_S in the corrected trajectory-level term
-    sharpness: float = 6.0  # k of the corrected per-step test
-    threshold: float = 0.4  # ϑ of the corrected per-step test: the density ratio below which a step is infeasible
+    sampled_coef: float = 0.25  # m: weight of D_S beside D_E as feasible, in the corrected trajectory-level term
+    sharpness: float = 6.0  # k of the corrected test
+    threshold: float = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
     icrl_coef: float = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 

@@ -12,8 +12,9 @@ class Method:
     judge: Literal["trajectory", "state_action", "centred", "feasibility", "none"]  # whose logit says "expert"
     feasibility: Literal["none", "step", "sequence", "step_sequence"]  # the factors of δ̄(τ)
     terms: tuple[str, ...]  # summed to the adversary's loss
-    step_test: Literal["sigmoid", "ratio"] = "sigmoid"  # per-step δ: σ(z), and its product over t; or the sharpened
-    # density-ratio test, and its minimum over t
+    # How a logit z becomes δ: σ(z), per-step factors multiplied over t; or the sharpened test of z as a log density
+    # ratio, of which a trajectory takes the minimum over t.
+    test: Literal["sigmoid", "ratio"] = "sigmoid"
     sampled_from: Literal["policy", "resampled", "pool"] = "policy"  # D_S: D_P itself; drawn by δ̄ from its N; from pool × N
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
@@ -44,8 +45,8 @@ _CORRECTED = Method(
     reward="learned",
     judge="centred",
     feasibility="step_sequence",
-    terms=("discriminator", "density_ratio", "sequence", "minimal"),
-    step_test="ratio",
+    terms=("discriminator", "step_ratio", "sequence_ratio", "minimal"),
+    test="ratio",
     sampled_from="pool",
     constrained_policy=True,
     settings="tuned",
@@ -65,7 +66,7 @@ METHODS: dict[str, Method] = {
     "aircl_corrected": _CORRECTED,
     "aircl_corrected_prior": replace(_CORRECTED, terms=(*_CORRECTED.terms, "contrast")),
     "aircl_corrected_linear": replace(_CORRECTED, network="linear"),
-    "aircl_corrected_sa": replace(_CORRECTED, feasibility="step", terms=("discriminator", "density_ratio")),
+    "aircl_corrected_sa": replace(_CORRECTED, feasibility="step", terms=("discriminator", "step_ratio")),
     "bc": replace(_AIRL, judge="none", terms=(), learner="cloning"),
 }
 

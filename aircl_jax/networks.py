@@ -126,12 +126,10 @@ class Networks:
     def init(self, key: PRNGKeyArray) -> Params:
         key_policy, key_value, key_reward, key_step, key_sequence = jax.random.split(key, 5)
         acting = jnp.zeros(self.env.obs_size + self.env.finite_horizon)
-        action = jnp.zeros(self.env.action_space.feature_size)
-        judged = jnp.concatenate([jnp.zeros(self.env.obs_size), action])
+        judged = jnp.zeros(self.env.obs_size + self.feasibility_sees_action * self.env.action_space.feature_size)
         feasibility = {}
         if "step" in self.method.feasibility:
-            step_size = self.env.obs_size + (len(action) if self.feasibility_sees_action else 0)
-            feasibility["step"] = self.step_net.init(key_step, jnp.zeros(step_size))
+            feasibility["step"] = self.step_net.init(key_step, judged)
         if "sequence" in self.method.feasibility:
             feasibility["sequence"] = self.sequence_net.init(key_sequence, judged[None], jnp.ones(1))
         return Params(
@@ -143,10 +141,10 @@ class Networks:
 
     @property
     def feasibility_sees_action(self) -> bool:
-        """Whether the per-step feasibility is a function of (s, a) rather than of s: the paper's rows always are."""
+        """Whether the feasibility is a function of states and actions rather than of states: the paper's rows always are."""
         choice = self.config.constraint_input
         if choice == "env":
-            return self.env.constraint_input == "state_action" or self.method.step_test == "sigmoid"
+            return self.env.constraint_input == "state_action" or self.method.test == "sigmoid"
         return choice == "state_action"
 
     @property
@@ -182,16 +180,22 @@ class Networks:
         seen = self.env.reward_view(obs) if viewed else self.normalise(stats, obs)
         return self.reward_net.apply(params, jnp.concatenate([seen, self.env.action_space.features(action)]))[0]
 
+    def feasibility_input(
+        self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]
+    ) -> Float[Array, " I"]:
+        """What both factors of the feasibility see of a step: s̃, and the action where constraints may speak of it."""
+        seen = self.normalise(stats, obs)
+        if not self.feasibility_sees_action:
+            return seen
+        return jnp.concatenate([seen, self.env.action_space.features(action)])
+
     def step_logit(
         self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]
     ) -> Float[Array, ""]:
         """Logit of the per-step feasibility network; 0 where the method has none."""
         if "step" not in params:
             return jnp.zeros(())
-        seen = self.normalise(stats, obs)
-        if self.feasibility_sees_action:
-            seen = jnp.concatenate([seen, self.env.action_space.features(action)])
-        return self.step_net.apply(params["step"], seen)[0]
+        return self.step_net.apply(params["step"], self.feasibility_input(stats, obs, action))[0]
 
     def sequence_logit(
         self, params: Any, stats: ObsStats, obs: Float[Array, "T O"], action: Shaped[Array, "T *A"], mask: Float[Array, " T"]
@@ -199,8 +203,7 @@ class Networks:
         """Logit of the trajectory-level feasibility network, which sees order; 0 where the method has none."""
         if "sequence" not in params:
             return jnp.zeros(())
-        seen = jax.vmap(self.normalise, (None, 0))(stats, obs)
-        features = jnp.concatenate([seen, jax.vmap(self.env.action_space.features)(action)], axis=-1)
+        features = jax.vmap(self.feasibility_input, (None, 0, 0))(stats, obs, action)
         return self.sequence_net.apply(params["sequence"], features, mask)
 
     def log_pi(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:

@@ -34,5 +34,5 @@ def policy_reward(
 
     if not (method.constrained_policy and "sequence" in method.feasibility):
         return reward, jnp.zeros(reward.shape[0])
-    log_sequence = log_sequence_feasibility(method, scores)
+    log_sequence = log_sequence_feasibility(method, coefficients, scores)
     return reward, jnp.maximum(log_sequence - log_sequence.mean(), SEQUENCE_FLOOR)

@@ -1,0 +1,21 @@
+"""key=value words of the commands that need no Hydra: types and choices come from a dataclass of settings."""
+
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import yaml
+
+from aircl_jax.settings import updated
+
+T = TypeVar("T")
+
+
+def parse(words: Sequence[str], default: T) -> T:
+    """The settings with these words in place of their own. Raises ValueError, in one line, for what does not fit."""
+    given: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise ValueError(f"cannot read {word!r}; write NAME=VALUE")
+        given[name] = yaml.safe_load(value)
+    return updated(default, given)
