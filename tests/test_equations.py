@@ -135,10 +135,10 @@ def test_minimal_constraint_term_is_kappa_times_mean_distance_from_one():
     np.testing.assert_allclose(term("minimal", "aircl_sa"), expected, rtol=1e-12)
 
 
-def test_minimal_constraint_term_leaves_a_ratio_test_alone():
+def test_minimal_constraint_term_of_the_corrected_row_speaks_of_the_sequence_factor_alone():
     sampled = random_batches().sampled
-    expected = 0.2 * np.abs(1 - sigmoid(naive(sampled).sequence_logit)).mean()
-    np.testing.assert_allclose(term("minimal", "aircl_corrected"), expected, rtol=1e-12)
+    expected = 0.2 * np.abs(1 - sharpened(naive(sampled).sequence_logit)).mean()
+    np.testing.assert_allclose(term("minimal", "aircl_corrected"), expected, rtol=1e-10)
 
 
 def test_centred_judge_subtracts_the_midpoint_of_both_means_without_a_gradient():
@@ -164,17 +164,17 @@ def test_a_constant_in_the_reward_does_not_move_the_centred_judge(constant):
     np.testing.assert_allclose(value_moved, value, rtol=1e-10)
 
 
-def test_density_ratio_term_is_logistic_regression_of_expert_against_policy_and_replay():
+def test_step_ratio_term_is_logistic_regression_of_expert_against_policy_and_replay():
     batches = random_batches()
     expert, policy, replay = (
         masked(np.log(sigmoid(sign * naive(one).step_logit)), one, np.mean).mean()
         for one, sign in ((batches.expert, 1), (batches.policy, -1), (batches.replay, -1))
     )
     expected = -expert - 0.5 * (policy + replay)
-    np.testing.assert_allclose(term("density_ratio", "aircl_corrected"), expected, rtol=1e-12)
+    np.testing.assert_allclose(term("step_ratio", "aircl_corrected"), expected, rtol=1e-12)
 
 
-def test_density_ratio_term_is_stationary_at_log_expert_over_policy():
+def test_step_ratio_term_is_stationary_at_log_expert_over_policy():
     expert_states, policy_states = np.array([[0, 0, 0, 1]]), np.array([[0, 1, 1, 2]])
     counts = [np.bincount(states[0], minlength=3) for states in (expert_states, policy_states)]
 
@@ -184,32 +184,44 @@ def test_density_ratio_term_is_stationary_at_log_expert_over_policy():
             return Scores(zeros, zeros, z[states], jnp.zeros(len(states)), jnp.ones(states.shape))
 
         policy = scores(policy_states)
-        return term("density_ratio", "aircl_corrected", Batches(scores(expert_states), policy, policy, policy))
+        return term("step_ratio", "aircl_corrected", Batches(scores(expert_states), policy, policy, policy))
 
     log_ratio = jnp.log(counts[0] + 1e-300) - jnp.log(counts[1])  # state 2, never demonstrated, has ratio 0
     np.testing.assert_allclose(jax.grad(loss)(log_ratio), 0.0, atol=1e-12)
 
 
-def test_sequence_term_is_minus_expert_minus_m_sampled_plus_policy_and_replay():
-    delta = [sigmoid(naive(one).sequence_logit).mean() for one in random_batches()]
-    expected = -delta[0] - 0.5 * delta[1] + 0.5 * (delta[2] + delta[3])
-    np.testing.assert_allclose(term("sequence", "aircl_corrected"), expected, rtol=1e-12)
+def test_sequence_ratio_term_counts_samples_as_feasible_with_weight_m_beside_the_expert():
+    sign = {"expert": 1, "sampled": 1, "policy": -1, "replay": -1}
+    log_right = {
+        name: np.log(sigmoid(sign[name] * naive(one).sequence_logit)).mean()
+        for name, one in random_batches()._asdict().items()
+    }
+    expected = -(log_right["expert"] + 0.5 * log_right["sampled"]) / 1.5 - 0.5 * (
+        log_right["policy"] + log_right["replay"]
+    )
+    np.testing.assert_allclose(term("sequence_ratio", "aircl_corrected"), expected, rtol=1e-12)
+
+
+def sharpened(logit):
+    """ρ^k / (ρ^k + ϑ^k) of the density ratio ρ = exp(z), with its floor."""
+    power, threshold = np.exp(logit) ** COEFFICIENTS.sharpness, COEFFICIENTS.threshold**COEFFICIENTS.sharpness
+    return np.maximum(power / (power + threshold), np.exp(RATIO_FLOOR))
 
 
 def test_sharpened_test_is_a_power_law_of_the_density_ratio_with_a_floor():
     scores = random_scores(0, 5)
-    ratio, k, threshold = np.exp(naive(scores).step_logit), COEFFICIENTS.sharpness, COEFFICIENTS.threshold
-    expected = np.maximum(ratio**k / (ratio**k + threshold**k), np.exp(RATIO_FLOOR))
     log_delta = log_step_feasibility(METHODS["aircl_corrected"], COEFFICIENTS, scores)
     unmasked = naive(scores).mask > 0
+    expected = sharpened(naive(scores).step_logit)
     np.testing.assert_allclose(np.exp(log_delta)[unmasked], expected[unmasked], rtol=1e-10)
 
 
 def test_corrected_feasibility_is_the_sequence_factor_times_the_least_step_factor():
-    method, scores = METHODS["aircl_corrected"], random_scores(0, 5)
-    step = np.exp(np.asarray(log_step_feasibility(method, COEFFICIENTS, scores)))
-    expected = sigmoid(naive(scores).sequence_logit) * masked(step, scores, np.min)
-    np.testing.assert_allclose(jnp.exp(log_feasibility(method, COEFFICIENTS, scores)), expected, rtol=1e-12)
+    scores = random_scores(0, 5)
+    one = naive(scores)
+    expected = sharpened(one.sequence_logit) * masked(sharpened(one.step_logit), scores, np.min)
+    log_delta = log_feasibility(METHODS["aircl_corrected"], COEFFICIENTS, scores)
+    np.testing.assert_allclose(jnp.exp(log_delta), expected, rtol=1e-10)
 
 
 def test_icrl_term_is_the_log_likelihood_and_its_regulariser():

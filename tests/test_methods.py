@@ -18,8 +18,8 @@ OURS = [
 NEEDS = {
     "feasibility_gradient": "",
     "minimal": "",
-    "density_ratio": "step",
-    "sequence": "sequence",
+    "step_ratio": "step",
+    "sequence_ratio": "sequence",
     "gacl": "step",
     "icrl": "step",
 }
