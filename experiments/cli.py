@@ -33,6 +33,8 @@ def launch(task: Callable[[DictConfig], None], config_name: str, argv: Sequence[
     try:
         with _arguments(argv):
             hydra.main(version_base="1.3", config_path="pkg://experiments.conf", config_name=config_name)(job)()
+    except SystemExit as stop:  # --help, and argparse's own refusals
+        return stop.code if isinstance(stop.code, int) else BAD_INPUT
     except KeyboardInterrupt:
         print("interrupted; the same command with resume=true continues", file=sys.stderr)
         return INTERRUPTED
