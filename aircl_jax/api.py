@@ -37,6 +37,7 @@ class Result:
     networks: Networks
     states: TrainState  # [S, …]
     expert: Trajectory  # D_E, [S, N, T, …]
+    reference: Trajectory  # the environment's reference set, [M, T, …]
     run_dir: Path | None
 
     def state(self, index: int = 0) -> TrainState:
@@ -112,7 +113,7 @@ def _train(
     expert, reference = _demonstrations(plan)
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
     if directory and directory.finished and saved:
-        return _result(plan, networks, saved, expert, directory.summary(), directory, [])
+        return _result(plan, networks, saved, expert, reference, directory.summary(), directory, [])
     with directory.held() if directory else nullcontext():
         with _defects_apart():
             states, session = run_session(
@@ -129,9 +130,11 @@ def _train(
                 on_progress=on_progress,
             )
         summary = report.summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
-        result = _result(plan, networks, states, expert, summary, directory, session.rows)
+        result = _result(plan, networks, states, expert, reference, summary, directory, session.rows)
         if directory:
-            figures: list[Path] = []
+            from aircl_jax import plots
+
+            figures = plots.write_figures(result, directory.path / runs.FIGURES)
             directory.write_report(report.report(summary, result.alarms, figures, command))
             directory.write_summary(summary)
     return result
@@ -157,6 +160,7 @@ def _result(
     networks: Networks,
     states: TrainState,
     expert: Trajectory,
+    reference: Trajectory,
     summary: Mapping[str, Any],
     directory: runs.RunDirectory | None,
     rows: Sequence[Row],
@@ -170,6 +174,7 @@ def _result(
         networks=networks,
         states=states,
         expert=expert,
+        reference=reference,
         run_dir=directory.path if directory else None,
     )
 

@@ -96,7 +96,7 @@ def seed_table(summary: Mapping[str, Any]) -> str:
     return _markdown(rows)
 
 
-def report(summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[Path], command: str) -> str:
+def report(summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[tuple[Path, str]], command: str) -> str:
     """report.md: what ran, what came out, what rang, the figures, what to try next."""
     return _paragraphs(
         f"# {summary['method']} on {summary['env']}",
@@ -108,7 +108,7 @@ def report(summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[
         "## Every seed",
         seed_table(summary),
         "## Figures",
-        "\n\n".join(f"![{path.stem}]({FIGURES}/{path.name})" for path in figures) or "None were drawn.",
+        "\n\n".join(f"![{path.stem}]({FIGURES}/{path.name})\n\n*{caption}*" for path, caption in figures),
         "## What to try next",
         _bullets(f"`{line}` {purpose}" for line, purpose in suggestions(summary)),
     )

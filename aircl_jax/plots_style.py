@@ -1,0 +1,38 @@
+"""What the figures of a run share: colours that colour-blind readers tell apart (Okabe & Ito 2008), sizes, a captioned figure."""
+
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
+from matplotlib.typing import RcKeyType
+
+from aircl_jax.api import Result
+
+BLUE, ORANGE, GREEN, PURPLE, BLACK, GREY = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#222222", "#8a8a8a"
+DPI = 200
+STYLE: dict[RcKeyType, Any] = {
+    "font.size": 7,
+    "axes.titlesize": 7.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+}
+
+
+class Drawing(NamedTuple):
+    """A figure, the name of its file, and one or two sentences on what is seen."""
+
+    name: str
+    figure: Figure
+    caption: str
+
+
+def over_seeds(result: Result) -> str:
+    """`aircl_corrected on gridworld, 10 seeds`."""
+    number = len(result.summary["seeds"])
+    return f"{result.summary['method']} on {result.summary['env']}, {number} seed{'s' if number > 1 else ''}"
