@@ -1,6 +1,6 @@
 """Behaviour cloning, the floor that every inverse method should clear (Bain and Sammut 1995)."""
 
-from typing import Any
+from typing import Any, cast
 
 import jax
 import optax
@@ -27,7 +27,7 @@ def update(
         trainable, opt_state = carry
         value, grads = jax.value_and_grad(loss)(trainable)
         updates, opt_state = optimiser.update(grads, opt_state)
-        policy, critic = optax.apply_updates(trainable, updates)
+        policy, critic = cast(Any, optax.apply_updates(trainable, updates))
         return ((project_log_std(policy, config), critic), opt_state), value
 
     start = ((params.policy, params.value), opt_state)

@@ -79,7 +79,6 @@ PAPER: dict[str, TrainConfig] = {"gridworld": _GRID, "nonmarkov": _GRID, "swimme
 
 _TUNED_GRID = replace(
     _GRID,
-    iterations=400,
     pool=4,
     ppo=replace(_GRID.ppo, num_epochs=2, learning_rate=1e-3, clip_eps=0.2),
     adversary=AdversaryConfig(learning_rate=1e-3),

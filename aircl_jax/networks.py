@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import distrax
 import flax.linen as nn
@@ -163,7 +163,7 @@ class Networks:
 
     def policy(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], t: Int[Array, ""]) -> distrax.Distribution:
         """π_ω(·|s_t)."""
-        head = self.policy_net.apply(params, self.acting_input(stats, obs, t))
+        head = cast(Array, self.policy_net.apply(params, self.acting_input(stats, obs, t)))
         if isinstance(self.env.action_space, Discrete):
             return distrax.Categorical(logits=head)
         return distrax.MultivariateNormalDiag(head, jnp.exp(params["params"]["log_std"]))
@@ -204,13 +204,13 @@ class Networks:
         if "sequence" not in params:
             return jnp.zeros(())
         features = jax.vmap(self.feasibility_input, (None, 0, 0))(stats, obs, action)
-        return self.sequence_net.apply(params["sequence"], features, mask)
+        return cast(Array, self.sequence_net.apply(params["sequence"], features, mask))
 
     def log_pi(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
         """log π_ω(a_t|s_t) along one trajectory."""
 
         def one(obs: Array, action: Array, t: Array) -> Array:
-            return self.policy(params.policy, stats, obs, t).log_prob(action)
+            return cast(Array, self.policy(params.policy, stats, obs, t).log_prob(action))
 
         return jax.vmap(one)(trajectory.obs, trajectory.action, jnp.arange(trajectory.obs.shape[0]))
 

@@ -1,6 +1,6 @@
 """Proximal policy optimisation of whole trajectories (Algorithm 1, line 7)."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -115,7 +115,7 @@ def update(
             (params.policy, params.value), nets, params, stats, minibatch, config
         )
         updates, opt_state = optimiser.update(grads, opt_state)
-        new_policy, new_value = optax.apply_updates((params.policy, params.value), updates)
+        new_policy, new_value = cast(Any, optax.apply_updates((params.policy, params.value), updates))
         params = params._replace(policy=project_log_std(new_policy, config), value=new_value)
         return (params, opt_state), metrics
 

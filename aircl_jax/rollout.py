@@ -1,5 +1,7 @@
 """One episode of the policy by `lax.scan` (Algorithm 1, line 4)."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PRNGKeyArray
@@ -18,7 +20,8 @@ def rollout(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNG
         env_state, obs, alive = carry
         t, key_step = inputs
         key_action, key_env = jax.random.split(key_step)
-        action, log_prob = nets.policy(params.policy, stats, obs, t).sample_and_log_prob(seed=key_action)
+        drawn: Any = nets.policy(params.policy, stats, obs, t).sample_and_log_prob(seed=key_action)
+        action, log_prob = drawn
         value = nets.value(params.value, stats, obs, t)
         env_state, step = env.step(key_env, env_state, action)
         carry = (env_state, step.obs, alive * (1.0 - step.terminated))

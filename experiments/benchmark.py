@@ -1,0 +1,152 @@
+"""How fast is it here: `python -m experiments.benchmark env=gridworld` prints steps per second, start-up, memory and parts."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from aircl_jax import runtime
+
+runtime.prepare()  # before anything imports jax
+
+from experiments.arguments import parse  # noqa: E402
+
+REPEATS = 5  # of each timing; the median is printed
+CHUNKS = 4  # of a timed run; the first compiles and is left out
+
+
+@dataclass(frozen=True)
+class Settings:
+    env: str = "gridworld"
+    method: str = "aircl_corrected"
+    seeds: int = 10
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure and print; 0 done, 2 bad input."""
+    try:
+        settings = parse(sys.argv[1:] if argv is None else argv, Settings())
+        rows = measure(settings)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    import jax
+
+    print(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
+    for name, value in rows.items():
+        print(f"  {name:<58} {value}")
+    return 0
+
+
+def measure(settings: Settings) -> dict[str, str]:
+    """Each line of the report, as text."""
+    rows = {}
+    for seeds in dict.fromkeys((settings.seeds, 1)):
+        steps, compiling = throughput(settings, seeds)
+        rows[f"whole training, {seeds} seed(s), env steps/s"] = f"{steps:,.0f}"
+        rows[f"  tracing and compiling, {seeds} seed(s), s"] = f"{compiling:.1f}"
+    rows |= parts(settings)
+    rows["second start until the first chunk is on disk, s"] = f"{second_start(settings):.1f}"
+    rows["peak memory of this process, GiB"] = f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f}"
+    return rows
+
+
+def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
+    """`env_steps_per_s` and `compile_s` of a run with its checkpoints and metrics, as its summary states them."""
+    from aircl_jax import train
+    from aircl_jax.config import default_config
+    from aircl_jax.methods import get_method
+
+    chunk = default_config(settings.env, get_method(settings.method).settings).chunk
+    with tempfile.TemporaryDirectory() as place:
+        result = train(
+            settings.env, settings.method, seeds=seeds, iterations=CHUNKS * chunk, run_dir=Path(place) / "run"
+        )
+    return result.summary["env_steps_per_s"], result.summary["compile_s"]
+
+
+def parts(settings: Settings) -> dict[str, str]:
+    """Milliseconds of one iteration's parts for one seed on one device, each compiled alone, and the whole step's ratio."""
+    import jax
+
+    from aircl_jax import adversary, ppo
+    from aircl_jax.adversary import Batches
+    from aircl_jax.config import default_config
+    from aircl_jax.experts import demonstrations
+    from aircl_jax.methods import get_method
+    from aircl_jax.networks import make_networks
+    from aircl_jax.relabel import policy_reward
+    from aircl_jax.rollout import rollouts
+    from aircl_jax.train import make_trainer
+    from envs import make_env
+
+    env, method = make_env(settings.env), get_method(settings.method)
+    config = default_config(settings.env, method.settings)
+    trainer, nets = make_trainer(env, method, config), make_networks(env, method, config)
+    expert = jax.tree.map(lambda leaf: leaf[0], demonstrations(env, [0], config)[0])
+    state = jax.jit(trainer.init)(jax.random.key(0), expert)
+    params, stats, number = state.params, state.obs_stats, config.num_trajectories * config.pool
+
+    policy, rolling = _timed(lambda key: rollouts(env, nets, params, stats, key, number), state.key)
+    head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
+    (reward, bonus), relabelling = _timed(lambda one: policy_reward(nets, params, stats, expert, one), policy)
+    _, judging = _timed(
+        lambda one: adversary.update(
+            nets, params, state.adversary_opt, stats, Batches(expert, one, state.replay, state.replay)
+        ),
+        head,
+    )
+    _, acting = _timed(
+        lambda one: ppo.update(nets, params, state.ppo_opt, stats, one, reward, bonus, state.key, config.ppo), policy
+    )
+    _, whole = _timed(trainer.step, state, expert)
+    times = {"rollout": rolling, "relabelling": relabelling, "adversary": judging, "PPO": acting, "whole step": whole}
+    rows = {f"one seed, one device: {name}, ms": f"{1e3 * seconds:.1f}" for name, seconds in times.items()}
+    return rows | {"one seed, one device: whole step / rollout": f"{whole / rolling:.2f}"}
+
+
+def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:
+    import jax
+
+    compiled = jax.jit(function)
+    result = jax.block_until_ready(compiled(*inputs))
+    seconds = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        jax.block_until_ready(compiled(*inputs))
+        seconds.append(time.perf_counter() - start)
+    return result, median(seconds)
+
+
+def second_start(settings: Settings) -> float:
+    """Seconds from typing the command to its first metrics on disk, once the compilation cache is warm."""
+    seconds = 0.0
+    for _ in range(2):
+        with tempfile.TemporaryDirectory() as place:
+            metrics = Path(place) / "run" / "metrics.jsonl"
+            words = [f"env={settings.env}", f"method={settings.method}", f"seeds={settings.seeds}"]
+            command = [sys.executable, "-m", "experiments.run", *words, f"run_dir={metrics.parent}"]
+            start = time.perf_counter()
+            with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+                while process.poll() is None and not (metrics.exists() and _has_line(metrics)):
+                    time.sleep(0.05)
+                seconds = time.perf_counter() - start
+                process.kill()
+    return seconds
+
+
+def _has_line(path: Path) -> bool:
+    text = path.read_text()
+    return text.endswith("\n") and bool(json.loads(text.splitlines()[0]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

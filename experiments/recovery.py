@@ -1,0 +1,136 @@
+"""Is the constraint recovered? Every method on four grids beside the corrected one: `python -m experiments.recovery`.
+
+A finished cell is kept in results/recovery/WORLD/METHOD.json with its command and commit, and skipped by the next call;
+`seeds=2 iterations=4 out=DIR` makes a quick pass elsewhere.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aircl_jax import runtime
+
+runtime.prepare()  # before anything imports jax
+
+from aircl_jax import METHODS, train  # noqa: E402
+from experiments.arguments import parse  # noqa: E402
+
+# Five random obstacles each, drawn once: numpy.random.default_rng(1) and (2), cells other than start and goal, redrawn
+# until a clean path of ten steps is left.
+SECOND = [[0, 2], [2, 3], [2, 4], [4, 1], [5, 2]]
+THIRD = [[0, 4], [1, 3], [1, 4], [2, 3], [4, 2]]
+WORLDS: dict[str, tuple[str, Mapping[str, Any]]] = {
+    "default": ("gridworld", {}),
+    "second layout": ("gridworld", {"obstacles": SECOND}),
+    "third layout": ("gridworld", {"obstacles": THIRD}),
+    "non-Markov": ("nonmarkov", {}),
+}
+ELSEWHERE = ("aircl_corrected", "airl_centred", "aircl")  # the rows that are run on the other worlds too
+SHOWN = (
+    "violation_rate",
+    "violation_rate_policy",
+    "infeasible_share",
+    "infeasible_share_policy",
+    "goal_rate",
+    "expert_goal_rate",
+    "feasibility_auroc",
+    "feasibility_gap",
+    "feasibility_expert",
+    "violation_reward_only",
+    "reward_correlation",
+    "rc_acc",
+    "balanced_acc",
+)
+
+
+@dataclass(frozen=True)
+class Settings:
+    seeds: int = 10
+    iterations: int = 0  # 0: each row's own
+    out: str = "results/recovery"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Train the cells that are missing, then write the table; 0 done, 2 bad input."""
+    try:
+        settings = parse(sys.argv[1:] if argv is None else argv, Settings())
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    cells = {
+        (world, method): _cell(settings, world, method)
+        for world in WORLDS
+        for method in (METHODS if world == "default" else ELSEWHERE)
+    }
+    written = Path(settings.out) / "table.md"
+    written.write_text(table(cells))
+    print(f"wrote {written}")
+    return 0
+
+
+def _cell(settings: Settings, world: str, method: str) -> dict[str, Any]:
+    path = Path(settings.out) / world.replace(" ", "_") / f"{method}.json"
+    if path.exists():
+        return json.loads(path.read_text())
+    print(f"training {method} on {world}", flush=True)
+    env, layout = WORLDS[world]
+    iterations = settings.iterations or "default"
+    result = train(env, method, seeds=settings.seeds, env_settings=layout, iterations=iterations)
+    overrides = [f"env.{name}={json.dumps(value, separators=(',', ':'))}" for name, value in layout.items()]
+    words = [f"env={env}", f"method={method}", f"seeds={settings.seeds}", *overrides]
+    cell = {
+        **result.summary,
+        "world": world,
+        "command": " ".join(["python -m experiments.run", *words]),
+        "commit": _commit(),
+        "alarms": result.alarms,
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(cell, indent=1) + "\n")
+    return cell
+
+
+def table(cells: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
+    """One Markdown table a world: mean ± standard deviation over seeds, and every seed of the two violation rates."""
+    lines = ["# Recovery on the grids", "", "`python -m experiments.recovery`; mean ± std over seeds, — where undefined.", ""]
+    for world in WORLDS:
+        rows = {method: cell for (name, method), cell in cells.items() if name == world}
+        if not rows:
+            continue
+        first = next(iter(rows.values()))
+        lines += [f"## {world}", "", f"`{first['command'].replace('method=' + first['method'], 'method=…')}`", ""]
+        lines += ["| method | iterations | " + " | ".join(SHOWN) + " |", "|---" * (len(SHOWN) + 2) + "|"]
+        for method, cell in rows.items():
+            shown = " | ".join(_mean(cell["metrics"].get(name)) for name in SHOWN)
+            lines.append(f"| {method} | {cell['iterations']} | {shown} |")
+        lines += ["", "Every seed, violation rate of q and of π:", ""]
+        for method, cell in rows.items():
+            seeds = [cell["metrics"][name]["per_seed"] for name in ("violation_rate", "violation_rate_policy")]
+            lines.append(f"- {method}: q {_all(seeds[0])}; π {_all(seeds[1])}")
+        rung = [f"- {method}: {sentence}" for method, cell in rows.items() for sentence in cell["alarms"]]
+        lines += ["", "Alarms:", "", *(rung or ["none"]), ""]
+    return "\n".join(lines) + "\n"
+
+
+def _mean(metric: Mapping[str, Any] | None) -> str:
+    if metric is None or metric["mean"] is None:
+        return "—"
+    return f"{metric['mean']:.3f} ± {metric['std']:.3f}"
+
+
+def _all(values: Sequence[float | None]) -> str:
+    return " ".join("—" if value is None else f"{value:.3f}" for value in values)
+
+
+def _commit() -> str:
+    command = ["git", "rev-parse", "--short", "HEAD"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or "unknown"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
