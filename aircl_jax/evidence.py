@@ -17,7 +17,7 @@ from aircl_jax.rollout import rollouts
 from aircl_jax.sampler import SAMPLERS, take
 from aircl_jax.train import trajectory_feasibility
 from aircl_jax.types import Scores, TrainState, Trajectory
-from envs import Env
+from envs import Env, Tabular
 
 MAX_EPISODES = 200  # fresh ones of each seed's policy: enough for a picture
 KEY_FIGURES = 1  # folded into a state's key: other episodes than the evaluation's
@@ -51,11 +51,11 @@ def gather(result: Result) -> Evidence:
     return Evidence(*jax.device_get(jax.jit(jax.vmap(one_seed, (0, None)))(result.states, result.reference)))
 
 
-def gather_grid(result: Result) -> GridEvidence:
+def gather_grid(result: Result, table: Tabular) -> GridEvidence:
     """The maps of a world that has a layout; one's own demonstrations stand for the exact expert."""
-    maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks)))(result.states)
+    maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)))(result.states)
     if result.plan.own is None:
-        seen = jax.jit(partial(_expert_occupancy, result.plan.env))()
+        seen = jax.jit(partial(_expert_occupancy, result.plan.env, table))()
     else:
         seen = result.plan.own.obs.mean(axis=(0, 1))
     return GridEvidence(*jax.device_get((*maps, seen)))
@@ -63,7 +63,7 @@ def gather_grid(result: Result) -> GridEvidence:
 
 def infeasible(trajectories: Trajectory) -> Bool[np.ndarray, "*S N"]:
     """Which trajectories have a violation in any unmasked step."""
-    return (np.asarray(trajectories.cost) * np.asarray(trajectories.mask)).max(axis=-1) > 0
+    return np.asarray((np.asarray(trajectories.cost) * np.asarray(trajectories.mask)).max(axis=-1) > 0)
 
 
 def _evidence(nets: Networks, number: int, state: TrainState, reference: Trajectory) -> tuple:
@@ -79,10 +79,11 @@ def _evidence(nets: Networks, number: int, state: TrainState, reference: Traject
     return policy, sampled, jnp.exp(log_delta), jnp.exp(reference_log_delta)
 
 
-def _grid_maps(nets: Networks, state: TrainState) -> tuple[Float[Array, "C A"], Float[Array, "C A"], Float[Array, " C"]]:
+def _grid_maps(
+    nets: Networks, table: Tabular, state: TrainState
+) -> tuple[Float[Array, "C A"], Float[Array, "C A"], Float[Array, " C"]]:
     env, params, stats = nets.env, state.params, state.obs_stats
-    assert env.tabular is not None
-    table, actions = env.tabular, jnp.arange(env.tabular.reward.shape[1])
+    actions = jnp.arange(table.reward.shape[1])
     cells = jnp.eye(env.obs_size)
 
     def maps(obs: Float[Array, " O"], action: Array) -> tuple[Array, Array]:
@@ -91,15 +92,14 @@ def _grid_maps(nets: Networks, state: TrainState) -> tuple[Float[Array, "C A"], 
         log_step = log_step_feasibility(nets.method, nets.config.coefficients, scores)
         return nets.reward(params.reward, stats, obs, action), jnp.exp(log_step[0])
 
-    def log_policy(t: Array, obs: Float[Array, " O"]) -> Float[Array, " A"]:
-        return jax.vmap(nets.policy(params.policy, stats, obs, t).log_prob)(actions)
+    def log_policy(t: Array, obs: Float[Array, " O"]) -> Array:
+        return jax.vmap(lambda action: jnp.asarray(nets.policy(params.policy, stats, obs, t).log_prob(action)))(actions)
 
     reward, step_delta = jax.vmap(jax.vmap(maps, (None, 0)), (0, None))(cells, actions)
     along = jax.vmap(jax.vmap(log_policy, (None, 0)), (0, None))(jnp.arange(env.horizon), table.obs)
     return reward, step_delta, (occupancy(table, along) @ table.obs).mean(axis=0)
 
 
-def _expert_occupancy(env: Env) -> Float[Array, " C"]:
-    assert env.tabular is not None
-    planned = soft_value_iteration(env.tabular, env.tabular.reward, env.horizon, env.expert_temperature, forbid=True)
-    return (occupancy(env.tabular, planned.log_policy) @ env.tabular.obs).mean(axis=0)
+def _expert_occupancy(env: Env, table: Tabular) -> Float[Array, " C"]:
+    planned = soft_value_iteration(table, table.reward, env.horizon, env.expert_temperature, forbid=True)
+    return (occupancy(table, planned.log_policy) @ table.obs).mean(axis=0)

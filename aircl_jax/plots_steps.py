@@ -16,7 +16,7 @@ from aircl_jax.types import Trajectory
 from envs import Box
 from envs.constraints import find_constraint
 
-BINS = 41
+BINS = 40
 WIDEST = 5.0  # standard deviations of D_E to either side of its mean that a histogram shows at most
 COLUMNS = 4
 
@@ -90,7 +90,10 @@ def _drawing(
     figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False)
     figure.supylabel("density (per unit)", fontsize=7)
     said = "; beyond the dashed lines the constraint is violated" if any(limits.values()) else ""
-    caption = f"Histograms of the {what} of all timesteps, D_E beside fresh episodes of the policy: {over_seeds(result)} pooled{said}."
+    caption = (
+        f"Histograms of the {what} of all timesteps, D_E beside fresh episodes of the policy: {over_seeds(result)} "
+        f"pooled{said}."
+    )
     return Drawing(what, figure, caption)
 
 
@@ -104,7 +107,7 @@ def _histogram(
         middle, spread = expert.mean(), max(expert.std(), 1e-3)
         both = np.concatenate([expert, policy])
         span = (max(both.min(), middle - WIDEST * spread), min(both.max(), middle + WIDEST * spread))
-    edges = np.linspace(*span, BINS)
+    edges = np.linspace(*span, BINS + 1).tolist()
     axis.hist(np.clip(expert, *span), edges, density=True, color=GREY, alpha=0.35)
     axis.hist(np.clip(expert, *span), edges, density=True, color=BLACK, histtype="step", lw=0.9)
     axis.hist(np.clip(policy, *span), edges, density=True, color=BLUE, histtype="step", lw=1.1)

@@ -1,4 +1,4 @@
-"""What the figures of a run share: colours that colour-blind readers tell apart (Okabe & Ito 2008), sizes, a captioned figure."""
+"""What the figures of a run share: colours for colour-blind readers (Okabe & Ito 2008), sizes, a figure with its caption."""
 
 from typing import Any, NamedTuple
 
@@ -36,3 +36,13 @@ def over_seeds(result: Result) -> str:
     """`aircl_corrected on gridworld, 10 seeds`."""
     number = len(result.summary["seeds"])
     return f"{result.summary['method']} on {result.summary['env']}, {number} seed{'s' if number > 1 else ''}"
+
+
+def final(result: Result, name: str, percent: bool = False) -> str:
+    row = result.summary["metrics"][name]
+    return "undefined" if row["mean"] is None else in_words(row["mean"], row["std"], percent)
+
+
+def in_words(mean: float, std: float | None, percent: bool) -> str:
+    scale, form, unit = (100.0, ".2f", " %") if percent else (1.0, ".3g", "")
+    return f"{scale * mean:{form}}" + ("" if std is None else f" ± {scale * std:{'.2f' if percent else '.2g'}}") + unit
