@@ -112,8 +112,7 @@ def test_budget_of_equation_10_moves_the_objective_by_alpha_and_no_gradient():
 def test_contrast_prior_is_minus_equation_13_over_expert_and_sampled(method, option, reduce):
     batches = random_batches()
     squares = [
-        (masked(naive(one).f, one, reduce) - feasibility_of(one, method)) ** 2
-        for one in (batches.expert, batches.sampled)
+        (masked(naive(one).f, one, reduce) - feasibility_of(one, method)) ** 2 for one in (batches.expert, batches.sampled)
     ]
     expected = -0.3 * np.concatenate(squares).mean()
     np.testing.assert_allclose(term("contrast", method, contrast_reward=option), expected, rtol=1e-12)
@@ -193,12 +192,9 @@ def test_step_ratio_term_is_stationary_at_log_expert_over_policy():
 def test_sequence_ratio_term_counts_samples_as_feasible_with_weight_m_beside_the_expert():
     sign = {"expert": 1, "sampled": 1, "policy": -1, "replay": -1}
     log_right = {
-        name: np.log(sigmoid(sign[name] * naive(one).sequence_logit)).mean()
-        for name, one in random_batches()._asdict().items()
+        name: np.log(sigmoid(sign[name] * naive(one).sequence_logit)).mean() for name, one in random_batches()._asdict().items()
     }
-    expected = -(log_right["expert"] + 0.5 * log_right["sampled"]) / 1.5 - 0.5 * (
-        log_right["policy"] + log_right["replay"]
-    )
+    expected = -(log_right["expert"] + 0.5 * log_right["sampled"]) / 1.5 - 0.5 * (log_right["policy"] + log_right["replay"])
     np.testing.assert_allclose(term("sequence_ratio", "aircl_corrected"), expected, rtol=1e-12)
 
 
@@ -227,10 +223,7 @@ def test_corrected_feasibility_is_the_sequence_factor_times_the_least_step_facto
 def test_icrl_term_is_the_log_likelihood_and_its_regulariser():
     batches = random_batches()
     log_delta, distance = (
-        [
-            masked(function(sigmoid(naive(one).step_logit)), one, np.mean).mean()
-            for one in (batches.expert, batches.policy)
-        ]
+        [masked(function(sigmoid(naive(one).step_logit)), one, np.mean).mean() for one in (batches.expert, batches.policy)]
         for function in (np.log, lambda delta: 1 - delta)
     )
     expected = -log_delta[0] + log_delta[1] + 0.6 * sum(distance)

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tiny import table_of
 
 from aircl_jax.experts import expected_return, occupancy, sample_table, soft_value_iteration
 from envs import make_env
@@ -38,8 +39,8 @@ def enumerate_square(temperature, forbid):
 def test_soft_optimal_policy_draws_trajectories_by_equations_1_and_5(temperature, forbid):
     env = square()
     probability, partition = enumerate_square(temperature, forbid)
-    table = jax.tree.map(np.asarray, env.tabular)
-    expert = soft_value_iteration(env.tabular, env.tabular.reward, HORIZON, temperature, forbid)
+    table = jax.tree.map(np.asarray, table_of(env))
+    expert = soft_value_iteration(table_of(env), table_of(env).reward, HORIZON, temperature, forbid)
     log_policy = np.asarray(expert.log_policy)
     for actions, expected in probability.items():
         state, log_probability = 0, 0.0
@@ -52,7 +53,7 @@ def test_soft_optimal_policy_draws_trajectories_by_equations_1_and_5(temperature
 
 def test_soft_value_is_expected_return_plus_entropy_under_slip():
     env = square(slip=0.3)
-    table, temperature = env.tabular, 0.7
+    table, temperature = table_of(env), 0.7
     expert = soft_value_iteration(table, table.reward, HORIZON, temperature, forbid=False)
     flow = occupancy(table, expert.log_policy)[:, :, None] * jnp.exp(expert.log_policy)
     entropy = -(flow * expert.log_policy).sum()
@@ -62,7 +63,7 @@ def test_soft_value_is_expected_return_plus_entropy_under_slip():
 
 def test_occupancy_and_expected_return_are_those_of_sampled_episodes():
     env = square(slip=0.3)
-    table = env.tabular
+    table = table_of(env)
     log_policy = soft_value_iteration(table, table.reward, HORIZON, 1.0, forbid=False).log_policy
     episodes = jax.jit(lambda key: sample_table(env, log_policy, key, 20_000))(jax.random.key(0))
     np.testing.assert_allclose(episodes.obs.mean(axis=0), occupancy(table, log_policy), atol=0.015)
@@ -73,12 +74,12 @@ def test_occupancy_and_expected_return_are_those_of_sampled_episodes():
 def test_occupancy_is_a_distribution_at_every_step():
     env = square(slip=0.3)
     log_policy = jnp.full((HORIZON, 4, 4), jnp.log(0.25))
-    np.testing.assert_allclose(occupancy(env.tabular, log_policy).sum(axis=1), 1.0, rtol=1e-5)
+    np.testing.assert_allclose(occupancy(table_of(env), log_policy).sum(axis=1), 1.0, rtol=1e-5)
 
 
 def test_expert_never_chooses_to_enter_what_is_forbidden():
     env = make_env("gridworld")
-    table = env.tabular
+    table = table_of(env)
     expert = soft_value_iteration(table, table.reward, env.horizon, 1.0, forbid=True)
     enters = np.asarray(table.forbidden)[np.asarray(table.transition).argmax(axis=-1)] > 0
     assert np.exp(np.asarray(expert.log_policy))[:, enters].max() == 0.0

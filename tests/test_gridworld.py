@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tiny import table_of
 
 from aircl_jax.experts import occupancy, sample_table, soft_value_iteration
 from envs import make_env
@@ -30,7 +31,7 @@ def monotone_paths():
 
 
 def expert_policy(env, forbid=True):
-    return soft_value_iteration(env.tabular, env.tabular.reward, env.horizon, 1.0, forbid).log_policy
+    return soft_value_iteration(table_of(env), table_of(env).reward, env.horizon, 1.0, forbid).log_policy
 
 
 @pytest.mark.parametrize(
@@ -53,7 +54,7 @@ def test_moves_without_slip_are_up_right_down_left_and_stay_at_the_edge(start, a
 
 
 def test_slip_replaces_the_action_by_a_uniform_one_with_its_probability():
-    row = grid(slip=0.2).tabular.transition[cell(2, 2), UP]
+    row = table_of(grid(slip=0.2)).transition[cell(2, 2), UP]
     expected = {(1, 2): 0.85, (2, 3): 0.05, (3, 2): 0.05, (2, 1): 0.05}
     assert {(int(i) // 6, int(i) % 6) for i in np.flatnonzero(row)} == set(expected)
     np.testing.assert_allclose([row[cell(*end)] for end in expected], list(expected.values()), rtol=1e-6)
@@ -64,7 +65,7 @@ def test_steps_are_drawn_from_the_table():
     keys = jax.random.split(jax.random.key(0), 20_000)
     state, _ = jax.jit(jax.vmap(env.step, (0, None, None)))(keys, jnp.asarray(cell(0, 2)), jnp.asarray(UP))
     frequency = np.bincount(np.asarray(state), minlength=36) / 20_000
-    np.testing.assert_allclose(frequency, env.tabular.transition[cell(0, 2), UP], atol=0.012)  # 3.5 σ
+    np.testing.assert_allclose(frequency, table_of(env).transition[cell(0, 2), UP], atol=0.012)  # 3.5 σ
 
 
 @pytest.mark.parametrize(
@@ -78,7 +79,7 @@ def test_reward_is_five_per_unit_of_manhattan_distance_gained(start, action, rew
 
 def test_expected_reward_of_the_table_is_the_mean_of_the_steps():
     env = grid(slip=0.3)
-    table = env.tabular
+    table = table_of(env)
     distance = 10 - np.indices((6, 6)).sum(axis=0).ravel()
     gain = 5.0 * (distance[:, None] - distance)
     np.testing.assert_allclose(table.reward, np.einsum("xay,xy->xa", table.transition, gain), atol=1e-5)
@@ -95,7 +96,7 @@ def test_23_of_252_monotone_paths_are_clean_and_all_tie_in_return():
     paths = list(monotone_paths())
     clean = [path for path in paths if OBSTACLES.isdisjoint(path)]
     assert (len(paths), len(clean)) == (252, 23)
-    blocked = np.flatnonzero(grid().tabular.forbidden)
+    blocked = np.flatnonzero(table_of(grid()).forbidden)
     assert {(int(i) // 6, int(i) % 6) for i in blocked} == OBSTACLES
 
 
@@ -104,13 +105,13 @@ def test_expert_violates_in_a_thousandth_of_steps_and_reaches_the_goal_in_nine_o
     log_policy = expert_policy(env)
     episodes = jax.jit(lambda key: sample_table(env, log_policy, key, 4000))(jax.random.key(0))
     at_goal = (episodes.reward.sum(axis=1) >= 50 - 1e-3).mean()
-    assert 0.0002 < (occupancy(env.tabular, log_policy) @ env.tabular.cost).mean() < 0.002
+    assert 0.0002 < (occupancy(table_of(env), log_policy) @ table_of(env).cost).mean() < 0.002
     assert 0.87 < at_goal < 0.93
 
 
 def test_unconstrained_soft_optimal_policy_violates_in_16_percent_of_steps():
     env = grid()
-    rate = (occupancy(env.tabular, expert_policy(env, forbid=False)) @ env.tabular.cost).mean()
+    rate = (occupancy(table_of(env), expert_policy(env, forbid=False)) @ table_of(env).cost).mean()
     np.testing.assert_allclose(rate, 0.16, atol=0.01)
 
 
@@ -131,7 +132,7 @@ def test_visiting_zone_b_costs_only_after_zone_a():
 
 
 def test_nonmarkov_observation_hides_whether_zone_a_was_seen():
-    table = make_env("nonmarkov").tabular
+    table = table_of(make_env("nonmarkov"))
     np.testing.assert_array_equal(table.obs[:36], table.obs[36:])
 
 

@@ -65,9 +65,7 @@ def test_log_feasibility_enters_the_policy_reward_only_where_the_paper_says_so(n
     assert METHODS[name].constrained_policy == (name in {"gacl", "icrl", "icrl_prior"})
 
 
-@pytest.mark.parametrize(
-    ("name", "switch", "present"), [("aircl", "off", False), ("icrl", "on", True), ("gacl", "on", True)]
-)
+@pytest.mark.parametrize(("name", "switch", "present"), [("aircl", "off", False), ("icrl", "on", True), ("gacl", "on", True)])
 def test_contrast_prior_can_be_switched_on_any_row_with_a_feasibility(name, switch, present):
     row = get_method(name, switch)
     assert ("contrast" in row.terms) == present

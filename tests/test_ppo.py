@@ -11,8 +11,10 @@ from envs import Box
 
 
 def advantage(reward, value, bootstrap, mask, discount=0.5, gae_lambda=0.5):
-    given = (jnp.asarray(one, jnp.float32) for one in (reward, value, bootstrap, mask))
-    return gae(*given, discount, gae_lambda)
+    def array(x):
+        return jnp.asarray(x, jnp.float32)
+
+    return gae(array(reward), array(value), array(bootstrap), array(mask), discount, gae_lambda)
 
 
 def test_gae_is_the_sum_worked_by_hand():

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tiny import KNOWN_REWARD, TINY, one_state_env, random_trajectories, unit_stats
+from tiny import KNOWN_REWARD, TINY, one_state_env, random_trajectories, table_of, unit_stats
 
 from aircl_jax.config import PPOConfig, TrainConfig
 from aircl_jax.experts import expected_return, soft_value_iteration
@@ -33,9 +33,12 @@ def solve(env: Env, iterations=150, temperature=1.0, number=512, **changes):
     return nets, train(jax.random.key(0)).params
 
 
-def act(env, nets, params, t=0, obs=None):
-    obs = jnp.eye(env.obs_size)[t] if obs is None else obs
-    return nets.policy(params.policy, unit_stats(env), obs, jnp.asarray(t))
+def act(env, nets, params):
+    return nets.policy(params.policy, unit_stats(env), jnp.eye(env.obs_size)[0], jnp.asarray(0))
+
+
+def probabilities(env, nets, params):
+    return jnp.exp(jax.vmap(act(env, nets, params).log_prob)(jnp.arange(env.action_space.feature_size)))
 
 
 def value(env, nets, params, t=0):
@@ -46,7 +49,7 @@ def value(env, nets, params, t=0):
 def test_bandit_is_played_by_the_softmax_of_its_rewards(temperature):
     env = one_state_env(lambda t, action: ACTIONS[action], action_space=Discrete(3))
     nets, params = solve(env, temperature=temperature)
-    probability = act(env, nets, params).probs
+    probability = probabilities(env, nets, params)
     np.testing.assert_allclose(probability, jax.nn.softmax(ACTIONS / temperature), atol=0.03)
     soft_optimum = temperature * jax.nn.logsumexp(ACTIONS / temperature)
     np.testing.assert_allclose(value(env, nets, params), soft_optimum, atol=0.15)
@@ -65,7 +68,7 @@ def test_a_reward_that_comes_later_is_discounted_once():
         step=step,
     )
     nets, params = solve(env)
-    np.testing.assert_allclose(act(env, nets, params).probs[1], jax.nn.sigmoid(1.0), atol=0.04)
+    np.testing.assert_allclose(probabilities(env, nets, params)[1], jax.nn.sigmoid(1.0), atol=0.04)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +119,7 @@ def test_actions_are_drawn_beyond_the_box_and_rewarded_at_its_edge():
 @pytest.mark.slow
 def test_ppo_reaches_the_exact_soft_optimal_return_of_the_grid_within_two_percent():
     env = make_env("gridworld")
-    table = env.tabular
+    table = table_of(env)
     exact = soft_value_iteration(table, table.reward, env.horizon, 1.0, forbid=False)
     config = replace(TINY, num_trajectories=280, hidden=(32, 32), ppo=PPOConfig(discount=1.0, learning_rate=2e-3))
     trainer, nets = make_trainer(env, KNOWN_REWARD, config), make_networks(env, KNOWN_REWARD, config)

@@ -35,9 +35,7 @@ def test_resampling_gives_every_index_its_expected_count_rounded():
     np.testing.assert_array_equal(np.bincount(index, minlength=3), [2, 4, 4])
 
 
-@pytest.mark.parametrize(
-    ("delta", "expected"), [([0.3] * 4, 1.0), ([1.0, 0.0, 0.0, 0.0], 0.25), ([0.5, 0.5, 0.0, 0.0], 0.5)]
-)
+@pytest.mark.parametrize(("delta", "expected"), [([0.3] * 4, 1.0), ([1.0, 0.0, 0.0, 0.0], 0.25), ([0.5, 0.5, 0.0, 0.0], 0.5)])
 def test_effective_sample_size_is_kishs_as_a_share_of_the_pool(delta, expected):
     np.testing.assert_allclose(effective_sample_size(jnp.log(jnp.asarray(delta) + 1e-30)), expected, rtol=1e-6)
 

@@ -145,9 +145,7 @@ def test_nothing_after_termination_reaches_a_parameter_or_a_metric(name):
     @partial(jax.jit, compiler_options=UNOPTIMISED)
     def run(garbage):
         past = garbage * (1.0 - expert.mask)
-        littered = expert._replace(
-            obs=expert.obs + past[..., None], reward=expert.reward + past, cost=expert.cost + past
-        )
+        littered = expert._replace(obs=expert.obs + past[..., None], reward=expert.reward + past, cost=expert.cost + past)
         trainer = make_trainer(ending_early(base, garbage), METHODS[name], TINY)
         state, metrics = trainer.step(trainer.init(jax.random.key(1), littered), littered)
         return state.params, metrics

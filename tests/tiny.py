@@ -16,7 +16,7 @@ from aircl_jax.methods import METHODS, Method
 from aircl_jax.networks import Networks, make_networks
 from aircl_jax.train import make_trainer
 from aircl_jax.types import ObsStats, Params, Scores, Trajectory
-from envs import Discrete, Env, Step, make_env
+from envs import Discrete, Env, Step, Tabular, make_env
 
 TINY = TrainConfig(
     num_trajectories=6,
@@ -34,6 +34,11 @@ KNOWN_REWARD = Method(reward="true", judge="none", feasibility="none", terms=())
 
 def tiny_grid(**settings: Any) -> Env:
     return make_env("gridworld", **{"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4} | settings)
+
+
+def table_of(env: Env) -> Tabular:
+    assert env.tabular is not None
+    return env.tabular
 
 
 def random_scores(seed: int, number: int, horizon: int = 4) -> Scores:
