@@ -1,6 +1,6 @@
 # One environment, .venv, built from the lock; every target sets it up first and may be run again.
 .DELETE_ON_ERROR:
-.PHONY: run test test-slow lint lock clean
+.PHONY: run test test-slow lint bench lock clean
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -22,6 +22,9 @@ lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+
+bench: $(INSTALLED)
+	$(BIN)/python -m experiments.benchmark env=gridworld
 
 lock: $(INSTALLED)  # needs uv; resolves pyproject.toml anew
 	uv pip compile pyproject.toml --extra test --universal --fork-strategy fewest --python-version 3.11 \

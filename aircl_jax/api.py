@@ -145,7 +145,7 @@ def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
     if plan.own is None:
         return experts.demonstrations(plan.env, plan.seeds, plan.config)
     shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
-    has_reference = plan.env.tabular is not None or plan.env.demonstrations is not None
+    has_reference = any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations))
     return shared, experts.demonstrations(plan.env, plan.seeds, plan.config)[1] if has_reference else plan.own
 
 

@@ -31,7 +31,7 @@ def load(source: str | Path, env: Env) -> Trajectory:
         _check_actions(arrays["action"], env)
     except ValueError as error:
         raise ValueError(f"demonstrations={source}: {error}") from error
-    return _trajectories(arrays, env)
+    return from_arrays(arrays, env)
 
 
 def save(path: str | Path, trajectories: Trajectory, metadata: Mapping[str, Any]) -> None:
@@ -145,7 +145,8 @@ def _half_widths(action: np.ndarray, space: Box) -> np.ndarray:
     return np.abs(action - middle) / half
 
 
-def _trajectories(arrays: Arrays, env: Env) -> Trajectory:
+def from_arrays(arrays: Arrays, env: Env) -> Trajectory:
+    """Checked arrays by name as trajectories [N, T, …], what is missing filled as `load` says."""
     number, steps = arrays["obs"].shape[:2]
     ones, zeros, undefined = (np.full((number, steps), value) for value in (1.0, 0.0, np.nan))
     kind = jnp.int32 if isinstance(env.action_space, Discrete) else jnp.float32

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from importlib import resources
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax.config import TrainConfig
-from aircl_jax.demonstrations import load
+from aircl_jax.demonstrations import from_arrays, load
 from aircl_jax.types import Trajectory
 from envs import Env, Tabular
 
@@ -89,8 +89,13 @@ PERTURBATION = 0.1  # share of uniform actions in the reference set's perturbed 
 def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple[Trajectory, Trajectory]:
     """D_E of every seed, [S, N, T, …], and the environment's reference set, [M, T, …].
 
-    A tabular world's D_E is drawn from its exact expert, anew for each seed; a robot's is shipped, the same for all.
+    A grid's D_E is drawn from its exact expert, anew for each seed; an animal's is its recorded data and a robot's is
+    shipped, the same for all seeds. Where nothing is known to score by, D_E itself stands for the reference set.
     """
+    if env.recorded is not None:
+        recorded = from_arrays(env.recorded.demonstrations(), env)
+        known = env.recorded.reference
+        return _for_all(recorded, len(seeds)), recorded if known is None else from_arrays(known(), env)
     if env.tabular is not None:
         table, horizon, temperature = env.tabular, env.horizon, env.expert_temperature
         expert = soft_value_iteration(table, table.reward, horizon, temperature, forbid=True)
@@ -100,14 +105,12 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
     if env.demonstrations is None:
         raise ValueError(f"env={env.name} ships no demonstrations; give some with demonstrations=FILE")
     expert = _first(load_shipped(env.demonstrations, env), config.num_demonstrations)
-    shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(seeds), *leaf.shape)), expert)
-    return shared, load_shipped(f"{env.demonstrations}_reference", env)
+    return _for_all(expert, len(seeds)), load_shipped(f"{env.demonstrations}_reference", env)
 
 
 def tabular_reference(env: Env, expert: SoftOptimal) -> Trajectory:
     """Half from the unconstrained soft-optimal policy, half from the expert with a tenth of its actions uniform."""
-    assert env.tabular is not None
-    table, half = env.tabular, REFERENCE_SIZE // 2
+    table, half = cast(Tabular, env.tabular), REFERENCE_SIZE // 2
     free = soft_value_iteration(table, table.reward, env.horizon, env.expert_temperature, forbid=False)
     uniform = jnp.log(PERTURBATION / table.reward.shape[1])
     perturbed = jnp.logaddexp(jnp.log1p(-PERTURBATION) + expert.log_policy, uniform)
@@ -123,6 +126,10 @@ def load_shipped(name: str, env: Env) -> Trajectory:
     """A set of trajectories that the package ships, envs/demonstrations/NAME.npz."""
     with resources.as_file(resources.files("envs") / "demonstrations" / f"{name}.npz") as path:
         return load(path, env)
+
+
+def _for_all(trajectories: Trajectory, num_seeds: int) -> Trajectory:
+    return jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (num_seeds, *leaf.shape)), trajectories)
 
 
 def _first(trajectories: Trajectory, number: int) -> Trajectory:

@@ -42,7 +42,8 @@ def goal_rate(trajectories: Trajectory, success_return: float | None) -> Float[A
     if success_return is None:
         return jnp.full((), jnp.nan)
     returns = (trajectories.reward * trajectories.mask).sum(axis=-1)
-    return (returns >= success_return - GOAL_TOLERANCE).mean()
+    reached = (returns >= success_return - GOAL_TOLERANCE).astype(returns.dtype)
+    return jnp.where(jnp.isnan(returns), jnp.nan, reached).mean()
 
 
 def auroc(score: Float[Array, " N"], positive: Float[Array, " N"]) -> Float[Array, ""]:

@@ -82,6 +82,13 @@ class Layout(NamedTuple):
     zones: dict[str, tuple[tuple[int, int], ...]]  # the cells that the constraint speaks of, by name
 
 
+class Recorded(NamedTuple):
+    """Demonstrations that come with a world's data: obs [N, T, O], action, mask, reward and cost, by name."""
+
+    demonstrations: Callable[[], dict[str, Any]]
+    reference: Callable[[], dict[str, Any]] | None  # None: nothing is known by which to score a feasibility
+
+
 def _identity(obs: Float[Array, " O"]) -> Float[Array, " R"]:
     return obs
 
@@ -106,5 +113,6 @@ class Env:
     tabular: Tabular | None = None  # the world as tables, where it is finite
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
     success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal
+    recorded: Recorded | None = None  # demonstrations of the world's own data, where it has some
     demonstrations: str | None = None  # name of the shipped D_E (and of its reference set), where experts are trained
     layout: Layout | None = None  # how to draw a world whose observations are the cells of a grid

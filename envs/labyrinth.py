@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from scipy.special import logsumexp
 
-from envs.base import Discrete, Env, Step, Tabular
+from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.data_source import data_folder
 from envs.options import LabyrinthOptions
 
@@ -169,6 +169,10 @@ def make_labyrinth(options: LabyrinthOptions) -> Env:
         step=step,
         has_reward=maze.simulated,
         tabular=table,
+        recorded=Recorded(
+            demonstrations=lambda: demonstrations(options),
+            reference=(lambda: reference_set(options)) if maze.simulated else None,
+        ),
     )
 
 

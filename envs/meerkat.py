@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from envs import mob
-from envs.base import Discrete, Env, Step, Tabular
+from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.data_source import data_folder
 from envs.mapping import Mapping, load_mapping
 from envs.options import MeerkatOptions
@@ -81,6 +81,10 @@ def make_meerkat(options: MeerkatOptions) -> Env:
         constraint_input="state_action",
         has_reward=herd.truth is not None,
         tabular=table,
+        recorded=Recorded(
+            demonstrations=lambda: demonstrations(options),
+            reference=(lambda: reference_set(options)) if herd.truth is not None else None,
+        ),
     )
 
 
