@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from aircl_jax.api import Result
 from aircl_jax.plots_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing, final, in_words, over_seeds
@@ -64,8 +65,8 @@ PANELS = (
         limits=(0, 102),
     ),
     Panel(
-        "occupancy against expert",
-        "total variation",
+        "state occupancy",
+        "TV to the expert's",
         (Curve("occupancy_tv", POLICY, BLUE),),
         limits=(0, None),
     ),
@@ -175,6 +176,8 @@ def small_multiples(number: int) -> tuple[Figure, list[Axes]]:
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis in grid[number:]:
         axis.remove()
+    for axis in grid[:number]:
+        axis.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
     figure.supxlabel("iteration", fontsize=7)
     return figure, list(grid[:number])
 

@@ -121,8 +121,10 @@ def draw_layout(axis: Axes, layout: Layout, filled: bool = False) -> None:
     """Start, goal and the zones of the constraint, over whatever fills the cells."""
     for name, cells in layout.zones.items():
         for row, column in cells:
-            box: dict[str, Any] = {"fc": "#d9d9d9", "zorder": 0} if filled else {"fill": False, "zorder": 4}
-            axis.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, ec=BLACK, lw=1.2, **box))
+            corner = (column - 0.5, row - 0.5)
+            if filled:
+                axis.add_patch(Rectangle(corner, 1, 1, fc="#d9d9d9", lw=0, zorder=0))
+            axis.add_patch(Rectangle(corner, 1, 1, fill=False, ec=BLACK, lw=1.2, zorder=4))
             if len(name) == 1:
                 _corner(axis, row, column, name)
     for name, (row, column) in (("S", layout.start), ("G", layout.goal)):

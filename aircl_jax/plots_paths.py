@@ -32,7 +32,7 @@ def paths(result: Result, layout: Layout, found: Evidence) -> Drawing:
     if result.plan.method.sampled_from != "policy":
         first.append(_first_seed(found.sampled))
         titles.append("samples of $q$")
-    figure = Figure(figsize=(2.3 * len(first) + 0.2, 2.75), layout="constrained")
+    figure = Figure(figsize=(2.3 * len(first) + 0.2, 2.6), layout="compressed")
     shares = []
     for axis, title, trajectories in zip(figure.subplots(1, len(first)), titles, first, strict=True):
         violating = evidence.infeasible(trajectories)

@@ -1,7 +1,7 @@
 """Figures of worlds without a table: what is done and what is observed, the demonstrations beside the policy."""
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from aircl_jax.api import Result
 from aircl_jax.evidence import Evidence
-from aircl_jax.plan import Plan
 from aircl_jax.plots_style import BLACK, BLUE, GREY, ORANGE, Drawing, over_seeds
 from aircl_jax.types import Trajectory
 from envs import Box
@@ -29,7 +28,7 @@ class Limit(NamedTuple):
 
 
 def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
-    limit = constraint_limit(result.plan)
+    limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
     space = result.plan.env.action_space
     expert, policy = _steps(result.expert), _steps(found.policy)
     if isinstance(space, Box):
@@ -42,12 +41,12 @@ def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
     yield _drawing(result, "observations", [expert.obs, policy.obs], names, {names[0]: drawn}, None)
 
 
-def constraint_limit(plan: Plan) -> Limit | None:
+def constraint_limit(env_name: str, settings: Mapping[str, Any]) -> Limit | None:
     """The limit of a robot's named constraint; None where there is none to draw."""
-    if "constraint" not in plan.env_settings:
+    if "constraint" not in settings:
         return None
-    constraint = find_constraint(plan.env_settings["constraint"], plan.env.name)
-    asked = plan.env_settings["limit"]
+    constraint = find_constraint(settings["constraint"], env_name)
+    asked = settings["limit"]
     limit = constraint.limit if isinstance(asked, str) else float(asked)
     if constraint.of == "state_action":
         return Limit("actions", (-limit, limit))
@@ -87,7 +86,7 @@ def _drawing(
     handles = [axes[0].plot([], [], color=colour, lw=1.4, label=label)[0] for colour, label in _LEGEND]
     if any(limits.values()):
         handles += axes[0].plot([], [], color=ORANGE, ls=(0, (4, 2)), lw=1.0, label="limit of the constraint")
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False)
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, handlelength=1.5, columnspacing=1.2)
     figure.supylabel("density (per unit)", fontsize=7)
     said = "; beyond the dashed lines the constraint is violated" if any(limits.values()) else ""
     caption = (

@@ -83,7 +83,7 @@ def versions() -> dict[str, str]:
 def table(summary: Mapping[str, Any]) -> str:
     """The metrics as Markdown: mean ± standard deviation, and what the name means."""
     rows = [("metric", "mean ± std", "what")]
-    for name, row in summary["metrics"].items():
+    for name, row in _defined(summary).items():
         spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
         rows.append((name, _short(row["mean"]) + spread, MEANINGS.get(name, "")))
     return _markdown(rows)
@@ -92,7 +92,7 @@ def table(summary: Mapping[str, Any]) -> str:
 def seed_table(summary: Mapping[str, Any]) -> str:
     """Every seed's metrics as Markdown."""
     rows = [("metric", *(f"seed {seed}" for seed in summary["seeds"]))]
-    rows += [(name, *map(_short, row["per_seed"])) for name, row in summary["metrics"].items()]
+    rows += [(name, *map(_short, row["per_seed"])) for name, row in _defined(summary).items()]
     return _markdown(rows)
 
 
@@ -102,16 +102,28 @@ def report(summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[
         f"# {summary['method']} on {summary['env']}",
         f"`{command}`" if command else "Trained from Python.",
         _effort(summary),
-        table(summary),
         "## Alarms",
-        _bullets(alarms) or "None rang.",
+        _bullets(map(_sentence, alarms)) or "None rang.",
+        "## Figures",
+        *(f"![{path.stem}]({FIGURES}/{path.name})\n\n{caption}" for path, caption in figures),
+        "## Measures at the end",
+        table(summary),
+        _undefined(summary),
         "## Every seed",
         seed_table(summary),
-        "## Figures",
-        "\n\n".join(f"![{path.stem}]({FIGURES}/{path.name})\n\n*{caption}*" for path, caption in figures),
         "## What to try next",
-        _bullets(f"`{line}` {purpose}" for line, purpose in suggestions(summary)),
+        _bullets(f"{_sentence(purpose)}: `{line}`" for line, purpose in suggestions(summary)),
     )
+
+
+def _defined(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The metrics that at least one seed has."""
+    return {name: row for name, row in summary["metrics"].items() if any(value is not None for value in row["per_seed"])}
+
+
+def _undefined(summary: Mapping[str, Any]) -> str:
+    missing = [name for name in summary["metrics"] if name not in _defined(summary)]
+    return f"Undefined here: {', '.join(missing)}." if missing else "Every measure is defined here."
 
 
 def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> str:
@@ -175,3 +187,8 @@ def _bullets(lines: Iterable[str]) -> str:
 
 def _short(value: float | None) -> str:
     return "null" if value is None else f"{value:.3g}"
+
+
+def _sentence(text: str) -> str:
+    """With a capital letter, unless it begins with a symbol of its own."""
+    return text[0].upper() + text[1:] if text[0].isascii() else text
