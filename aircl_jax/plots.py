@@ -64,4 +64,4 @@ def reference_histogram(result: Result, found: evidence.Evidence) -> Drawing:
 
 def _has_both_labels(result: Result) -> bool:
     """Whether the reference set holds clean and violating trajectories; an unknown cost is neither."""
-    return 0 < evidence.infeasible(result.reference).mean() < 1
+    return bool(0 < evidence.infeasible(result.reference).mean() < 1)

@@ -194,15 +194,13 @@ def label_ends(axis: Axes, marks: Sequence[tuple[float, str, str]], gap: float =
 
 
 def _apart(wanted: Float[np.ndarray, " K"], gap: float) -> Float[np.ndarray, " K"]:
-    """The ascending places at least `gap` apart, crowded ones around their middle, all within the axis' height."""
-    lowest, highest = 0.04, 1.0  # an end on the axis itself would be named beside its last tick
-    places = np.clip(wanted, lowest, highest)
-    for _ in places:
-        for lower in range(len(places) - 1):
-            short = max(0.0, gap - (places[lower + 1] - places[lower]))
-            places[lower : lower + 2] += np.array([-short, short]) / 2
-        places += max(0.0, lowest - places[0]) - max(0.0, places[-1] - highest)
-    return places
+    """The ascending places nearest to the wanted ones that are `gap` apart and on the axis: an isotonic regression."""
+    number, lowest = len(wanted), 0.04  # an end on the axis' corner would be named beside its last tick
+    slack = wanted - gap * np.arange(number)
+    nearest = [
+        max(min(slack[first : last + 1].mean() for last in range(i, number)) for first in range(i + 1)) for i in range(number)
+    ]
+    return np.clip(nearest, lowest, max(lowest, 1.0 - gap * (number - 1))) + gap * np.arange(number)
 
 
 def _curve(axis: Axes, values: Float[np.ndarray, "I S"], curve: Curve) -> tuple[float, str, str]:
