@@ -4,6 +4,7 @@ import contextlib
 import importlib
 import io
 from collections.abc import Callable
+from importlib import resources
 from types import ModuleType
 from typing import Any
 
@@ -78,7 +79,13 @@ def _make(name: str, options: RobotOptions) -> Env:
         reset=reset,
         step=step,
         constraint_input=constraint.of,
+        demonstrations=_shipped(f"{name}_{options.constraint}"),
     )
+
+
+def _shipped(name: str) -> str | None:
+    """The name, where envs/demonstrations holds such a file."""
+    return name if (resources.files("envs") / "demonstrations" / f"{name}.npz").is_file() else None
 
 
 def _add(state: RobotState, noise: Float[Array, " N"]) -> RobotState:

@@ -1,0 +1,136 @@
+"""Train a robot's expert and write its demonstrations: `python -m experiments.expert env=swimmer`; see `--help`."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Literal, cast
+
+from aircl_jax import runtime
+
+runtime.prepare()  # before anything imports jax
+
+from hydra.core.config_store import ConfigStore  # noqa: E402
+from hydra.core.hydra_config import HydraConfig  # noqa: E402
+from omegaconf import DictConfig, OmegaConf  # noqa: E402
+
+from aircl_jax.expert_config import EXPERTS, LagrangianConfig, expert_config  # noqa: E402
+from aircl_jax.settings import plain, updated  # noqa: E402
+from envs import ENVS, make_env  # noqa: E402
+from envs.options import RobotOptions  # noqa: E402
+from experiments import cli  # noqa: E402
+
+HELP = f"""Trains experts by PPO-Lagrangian and writes demonstrations and a reference set.
+
+  python -m experiments.expert env=swimmer
+  python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
+
+env          swimmer, walker, pendulum; env.NAME=VALUE changes a setting of it; tuned are {", ".join(EXPERTS)}
+seeds        how many constrained ones, from first_seed on; free_seeds: as many again without the constraint follow them
+iterations   of training; the learning rate falls to 0 at the last
+run_dir      where everything is kept; resume=true continues what is there, overwrite=true starts again
+episodes     demonstrations to write, all without a violation
+out          folder of the two files, ENV_CONSTRAINT.npz and ENV_CONSTRAINT_reference.npz; run_dir by default
+train        settings of PPO-Lagrangian, as in train.ppo.learning_rate=0.001; default: those of the task's row
+
+$CONFIG
+"""
+DEFAULT = "default"
+
+
+@dataclass(frozen=True)
+class ExpertSettings:
+    """The settings beside those of the environment (env.…) and of training (train.…)."""
+
+    seeds: int = 4
+    first_seed: int = 0
+    free_seeds: int = 4
+    iterations: int | Literal["default"] = "default"
+    run_dir: str = "runs/expert/${hydra:runtime.choices.env}_${env.constraint}"
+    episodes: int = 50
+    out: str = "${run_dir}"
+    resume: bool = False
+    overwrite: bool = False
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run with these arguments (the command line's by default); 0 done, 2 bad input, 130 interrupted."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    register()
+
+    def task(config: DictConfig) -> None:
+        words = [word for word in HydraConfig.get().overrides.task if not word.startswith(("resume=", "overwrite="))]
+        train(config, shlex.join(["python", "-m", "experiments.expert", *words]))
+
+    return cli.launch(task, "expert", arguments)
+
+
+def register() -> None:
+    """Put the settings of an expert's training into Hydra's store, beside those of the environments."""
+    node = {**asdict(ExpertSettings()), "train": _all_default(LagrangianConfig()), "defaults": _DEFAULTS, "hydra": _HYDRA}
+    ConfigStore.instance().store(name="expert", node=node)
+
+
+def train(config: DictConfig, command: str) -> None:
+    """Check the settings, then train, judge, choose and write."""
+    values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+    name, env_values, train_values = HydraConfig.get().runtime.choices["env"], values.pop("env"), values.pop("train")
+    if name not in ENVS or not issubclass(ENVS[name].options, RobotOptions):
+        robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
+        raise ValueError(f"env={name} has no expert to train; choose from {', '.join(robots)}")
+    settings = updated(ExpertSettings(), values)
+    for field in ("seeds", "free_seeds", "episodes"):
+        if getattr(settings, field) < 1:
+            raise ValueError(f"{field}={getattr(settings, field)} is not at least 1")
+    options = asdict(updated(ENVS[name].options(), env_values, "env"))
+    tuned = updated(expert_config(name, options["constraint"]), _given(train_values), "train")
+    if settings.iterations != DEFAULT:
+        tuned = updated(tuned, {"iterations": settings.iterations})
+
+    from aircl_jax.runs import existing, open_run
+    from experiments.expert_run import Task, run
+
+    task = Task(
+        name=f"{name}_{options['constraint']}",
+        env=make_env(name, **options),
+        env_settings={"name": name, **plain(options)},
+        config=tuned,
+        seeds=settings.seeds,
+        free_seeds=settings.free_seeds,
+        first_seed=settings.first_seed,
+        episodes=settings.episodes,
+        out=Path(settings.out),
+        command=command,
+    )
+    mode = existing(settings.resume, settings.overwrite)
+    run(task, open_run(Path(settings.run_dir), task.settings, tuned.chunk, mode))
+
+
+def _all_default(config: Any) -> dict[str, Any]:
+    """The names of a configuration's fields, with "default" for every value."""
+    values = ((field.name, getattr(config, field.name)) for field in fields(config) if field.name != "iterations")
+    return {name: _all_default(value) if is_dataclass(value) else DEFAULT for name, value in values}
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    """What was set, without what was left at "default"."""
+    nested = {name: _given(value) if isinstance(value, dict) else value for name, value in values.items()}
+    return {name: value for name, value in nested.items() if value not in (DEFAULT, {})}
+
+
+_DEFAULTS = [
+    "_self_",
+    {"env": "swimmer"},
+    {"override hydra/job_logging": "none"},
+    {"override hydra/hydra_logging": "none"},
+]
+_HYDRA = {
+    "run": {"dir": "."},
+    "output_subdir": None,
+    "job": {"chdir": False},
+    "help": {"app_name": "experiments.expert", "template": HELP},
+}
+
+if __name__ == "__main__":
+    sys.exit(main())
