@@ -20,6 +20,7 @@ from aircl_jax.types import Scores, TrainState, Trajectory
 from envs import Env, Tabular
 
 MAX_EPISODES = 200  # fresh ones of each seed's policy: enough for a picture
+ONCE = {"xla_backend_optimization_level": 0}  # compiles faster, for what runs once and is small
 KEY_FIGURES = 1  # folded into a state's key: other episodes than the evaluation's
 
 
@@ -48,14 +49,16 @@ def learns_reward(method: Method) -> bool:
 def gather(result: Result) -> Evidence:
     """Roll out, score and draw, all seeds at once."""
     one_seed = partial(_evidence, result.networks, min(MAX_EPISODES, result.plan.config.num_evaluation))
-    return Evidence(*jax.device_get(jax.jit(jax.vmap(one_seed, (0, None)))(result.states, result.reference)))
+    options = ONCE if result.plan.env.tabular is not None else None
+    run = jax.jit(jax.vmap(one_seed, (0, None)), compiler_options=options)
+    return Evidence(*jax.device_get(run(result.states, result.reference)))
 
 
 def gather_grid(result: Result, table: Tabular) -> GridEvidence:
     """The maps of a world that has a layout; one's own demonstrations stand for the exact expert."""
-    maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)))(result.states)
+    maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)), compiler_options=ONCE)(result.states)
     if result.plan.own is None:
-        seen = jax.jit(partial(_expert_occupancy, result.plan.env, table))()
+        seen = jax.jit(partial(_expert_occupancy, result.plan.env, table), compiler_options=ONCE)()
     else:
         seen = result.plan.own.obs.mean(axis=(0, 1))
     return GridEvidence(*jax.device_get((*maps, seen)))

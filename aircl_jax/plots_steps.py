@@ -17,6 +17,7 @@ from envs.constraints import find_constraint
 
 BINS = 40
 WIDEST = 5.0  # standard deviations of D_E to either side of its mean that a histogram shows at most
+NARROWEST = 1e-3  # width of the histogram of a coordinate that never moves
 COLUMNS = 4
 
 
@@ -105,7 +106,7 @@ def _histogram(
     if span is None:
         middle, spread = expert.mean(), max(expert.std(), 1e-3)
         both = np.concatenate([expert, policy])
-        span = (max(both.min(), middle - WIDEST * spread), min(both.max(), middle + WIDEST * spread))
+        span = (max(both.min(), middle - WIDEST * spread), min(both.max(), middle + WIDEST * spread) + NARROWEST)
     edges = np.linspace(*span, BINS + 1).tolist()
     axis.hist(np.clip(expert, *span), edges, density=True, color=GREY, alpha=0.35)
     axis.hist(np.clip(expert, *span), edges, density=True, color=BLACK, histtype="step", lw=0.9)
