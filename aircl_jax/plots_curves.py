@@ -177,7 +177,7 @@ def small_multiples(number: int) -> tuple[Figure, list[Axes]]:
     for axis in grid[number:]:
         axis.remove()
     for axis in grid[:number]:
-        axis.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
+        axis.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True, steps=[1, 2, 2.5, 5, 10]))
     figure.supxlabel("iteration", fontsize=7)
     return figure, list(grid[:number])
 
