@@ -50,8 +50,10 @@ def _arguments(argv: Sequence[str]) -> Iterator[None]:
     """The command line as Hydra reads it; a sweep's own notes go to a place that is removed afterwards."""
     with tempfile.TemporaryDirectory() as notes:
         elsewhere = [] if any(arg.startswith("hydra.sweep.dir=") for arg in argv) else [f"hydra.sweep.dir={notes}"]
+        # Beside the other NAME=VALUE words: argparse takes them in one place alone, before a flag or after it.
+        first = next((i for i, arg in enumerate(argv) if "=" in arg and not arg.startswith("-")), len(argv))
         with (
-            mock.patch.object(sys, "argv", ["experiments", *argv, *elsewhere]),
+            mock.patch.object(sys, "argv", ["experiments", *argv[:first], *elsewhere, *argv[first:]]),
             mock.patch.dict(os.environ, HYDRA_FULL_ERROR="1"),
         ):
             yield
