@@ -68,7 +68,7 @@ class Lagrangian(NamedTuple):
 
 
 def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
-    """PPO-Lagrangian's two functions; with `constrained` 0 the multiplier stays 0, which is plain PPO."""
+    """PPO-Lagrangian's two functions; with `constrained` 0 it is plain PPO from `release` on."""
     nets = make_networks(env, _TRUE_REWARD, TrainConfig(hidden=config.hidden, ppo=config.ppo))
     world = restarting(env)
     optimiser = ppo.make_optimiser(config.ppo)
@@ -84,7 +84,9 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
 
     def step(state: LagrangianState, constrained: Float[Array, ""]) -> tuple[LagrangianState, Metrics]:
         key, key_rollout, key_update = jax.random.split(state.key, 3)
-        stats, multiplier = observation_stats(state), constrained * state.multiplier
+        stats = observation_stats(state)
+        bound = (constrained > 0) | (state.step < config.release * config.iterations)
+        multiplier = jnp.where(bound, state.multiplier, 0.0)
         met = _unrestarted(rollouts(world, nets, acting_params(state), stats, key_rollout, config.num_trajectories))
         batch = make_batch(nets, state, stats, met, multiplier, config)
         state, metrics = update(nets, state, stats, batch, key_update, config)

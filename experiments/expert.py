@@ -27,7 +27,7 @@ HELP = f"""Trains experts by PPO-Lagrangian and writes demonstrations and a refe
   python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
 
 env          swimmer, walker, pendulum; env.NAME=VALUE changes a setting of it; tuned are {", ".join(EXPERTS)}
-seeds        how many constrained ones, from first_seed on; free_seeds: as many again without the constraint follow them
+seeds        how many constrained ones, from first_seed on; free_seeds: how many without the constraint follow them
 iterations   of training; the learning rate falls to 0 at the last
 run_dir      where everything is kept; resume=true continues what is there, overwrite=true starts again
 episodes     demonstrations to write, all without a violation
@@ -45,7 +45,7 @@ class ExpertSettings:
 
     seeds: int = 4
     first_seed: int = 0
-    free_seeds: int = 4
+    free_seeds: int = 2
     iterations: int | Literal["default"] = "default"
     run_dir: str = "runs/expert/${hydra:runtime.choices.env}_${env.constraint}"
     episodes: int = 50
@@ -94,6 +94,7 @@ def train(config: DictConfig, command: str) -> None:
     task = Task(
         name=f"{name}_{options['constraint']}",
         env=make_env(name, **options),
+        practice=make_env(name, **options | {"terminate": options["terminate"] or tuned.restart}),
         env_settings={"name": name, **plain(options)},
         config=tuned,
         seeds=settings.seeds,

@@ -42,7 +42,8 @@ class Task:
     """A checked command: what to train, and where its files go."""
 
     name: str  # ENV_CONSTRAINT
-    env: Env
+    env: Env  # where experts are judged and demonstrate
+    practice: Env  # where they train: the same, perhaps with an early end
     env_settings: Mapping[str, Any]
     config: LagrangianConfig
     seeds: int
@@ -68,7 +69,7 @@ class Task:
 
 def run(task: Task, directory: RunDirectory) -> None:
     """Train what is missing, then write both files and summary.json."""
-    training = make_lagrangian(task.env, task.config)
+    training = make_lagrangian(task.practice, task.config)
     total = task.seeds + task.free_seeds
     seeds = range(task.first_seed, task.first_seed + total)
     runner = make_runner(training, seeds, [i < task.seeds for i in range(total)])
