@@ -1,7 +1,4 @@
-"""PPO-Lagrangian: max_π J_r(π) subject to J_c(π) ≤ d, on the true reward and cost (Ray et al. 2019, Section 4).
-
-How the robots' experts are made, and nothing else: the inverse methods see neither reward nor cost.
-"""
+"""PPO-Lagrangian: max_π J_r(π) subject to J_c(π) ≤ d, on the true reward and cost (Ray et al. 2019)."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -79,8 +76,9 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
         trained = (first.policy, first.value, second.value)
         zero, zeros = jnp.zeros(()), jnp.zeros(env.obs_size)
         multiplier = jnp.asarray(config.multiplier_init, jnp.float32)
-        moments = Moments(zero, zeros, zeros)
-        return LagrangianState(*trained, optimiser.init(trained), multiplier, moments, key, jnp.zeros((), jnp.int32))
+        return LagrangianState(
+            *trained, optimiser.init(trained), multiplier, Moments(zero, zeros, zeros), key, zero.astype(jnp.int32)
+        )
 
     def step(state: LagrangianState, constrained: Float[Array, ""]) -> tuple[LagrangianState, Metrics]:
         key, key_rollout, key_update = jax.random.split(state.key, 3)
@@ -161,7 +159,7 @@ def observation_stats(state: LagrangianState) -> ObsStats:
 
 
 def acting_params(state: LagrangianState) -> Params:
-    return Params(policy=state.policy, value=state.value, reward=None, feasibility=None)
+    return Params(state.policy, state.value, reward=None, feasibility=None)
 
 
 def lagrangian_advantage(

@@ -74,11 +74,12 @@ def register() -> None:
 
 def train(config: DictConfig, command: str) -> None:
     """Check the settings, then train, judge, choose and write."""
-    values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
-    name, env_values, train_values = HydraConfig.get().runtime.choices["env"], values.pop("env"), values.pop("train")
-    if name not in ENVS or not issubclass(ENVS[name].options, RobotOptions):
-        robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
+    name = HydraConfig.get().runtime.choices["env"]
+    robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
+    if name not in robots:
         raise ValueError(f"env={name} has no expert to train; choose from {', '.join(robots)}")
+    values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+    env_values, train_values = values.pop("env"), values.pop("train")
     settings = updated(ExpertSettings(), values)
     for field in ("seeds", "free_seeds", "episodes"):
         if getattr(settings, field) < 1:

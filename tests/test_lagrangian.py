@@ -1,5 +1,4 @@
 from dataclasses import replace
-from functools import partial
 from importlib.resources import files
 
 import jax
@@ -158,8 +157,8 @@ def test_the_best_gaussian_under_a_limit_stays_a_few_sigma_below_it_and_without_
     @jax.jit
     @jax.vmap
     def train(key, constrained):
-        step = partial(training.step, constrained=constrained)
-        state, _ = jax.lax.scan(lambda state, _: step(state), training.init(key), length=CONFIG.iterations)
+        start = training.init(key)
+        state, _ = jax.lax.scan(lambda state, _: training.step(state, constrained), start, length=CONFIG.iterations)
         return rollouts(world, training.nets, acting_params(state), observation_stats(state), key, 500)
 
     episodes = train(jax.random.split(jax.random.key(0)), jnp.asarray([1.0, 0.0]))
