@@ -68,7 +68,7 @@ def _steps(trajectories: Trajectory) -> _Steps:
 def _drawing(
     result: Result,
     what: str,
-    pair: Sequence[Float[np.ndarray, "N K"]],
+    pair: Sequence[Float[np.ndarray, "_ K"]],
     names: Sequence[str],
     limits: dict[str, tuple[float, ...]],
     span: tuple[float, float] | None,
@@ -101,7 +101,7 @@ _LEGEND = ((BLACK, "demonstrations $D_E$"), (BLUE, r"policy $\pi$"))
 
 
 def _histogram(
-    axis: Axes, expert: Float[np.ndarray, " N"], policy: Float[np.ndarray, " N"], span: tuple[float, float] | None
+    axis: Axes, expert: Float[np.ndarray, " N"], policy: Float[np.ndarray, " M"], span: tuple[float, float] | None
 ) -> None:
     if span is None:
         middle, spread = expert.mean(), max(expert.std(), 1e-3)
