@@ -151,4 +151,6 @@ def test_the_python_of_the_guide_runs_from_top_to_bottom(tmp_path, monkeypatch):
     assert not names["np"].load("mine.npz")["cost"].any()
     assert names["result"].reward(*names["jnp"].zeros((2, 2))).shape == ()
     assert names["curves"]["violation_rate_policy"].shape == (2, 1)
+    assert names["small"].summary["metrics"]["feasibility_auroc"]["mean"] is not None
+    assert "loss_reward_decay" in names["small"].history
     assert 0 < names["unconstrained"] < 1
