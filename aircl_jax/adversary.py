@@ -71,9 +71,7 @@ def discriminator(method: Method, config: TrainConfig, coefficients: Coefficient
     return expert_loss.mean() + sampled_loss.mean()
 
 
-def feasibility_gradient(
-    method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches
-) -> Float[Array, ""]:
+def feasibility_gradient(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Eq. 12: −E_S[c(τ) δ̄] + E_P[δ̄] − α (Eq. 10 at λ = 1), c = π / (1 + exp(f)/π) held constant and clipped.
 
     In log space log c = log π + log σ(log π − f). As printed; docs/equations.md says why it collapses.
@@ -113,9 +111,7 @@ def step_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, 
     return expert + 0.5 * (policy + replay)
 
 
-def sequence_ratio(
-    method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches
-) -> Float[Array, ""]:
+def sequence_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Corrected, per trajectory, z of the order-aware encoder: with D_S as feasible with weight m beside D_E,
 
     (E_E softplus(−z) + m E_S softplus(−z)) / (1 + m) + E_{P ∪ replay} softplus(z).
@@ -166,9 +162,7 @@ def score_all(nets: Networks, params: Params, stats: ObsStats, batches: Batches,
     return Batches(*(score(params, stats, one, one_log_pi) for one, one_log_pi in zip(batches, log_pi, strict=True)))
 
 
-def update(
-    nets: Networks, params: Params, opt_state: Any, stats: ObsStats, batches: Batches
-) -> tuple[Params, Any, Metrics]:
+def update(nets: Networks, params: Params, opt_state: Any, stats: ObsStats, batches: Batches) -> tuple[Params, Any, Metrics]:
     """Lines 5 and 6: `num_steps` Adam steps on the sum of the method's terms, θ and φ together; ω stands still."""
     method, config = nets.method, nets.config
     if not method.terms:

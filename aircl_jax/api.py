@@ -104,9 +104,7 @@ def train(
     return _train(plan, directory, command, on_progress)
 
 
-def _train(
-    plan: Plan, directory: runs.RunDirectory | None, command: str, on_progress: Callable[[Progress], None]
-) -> Result:
+def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_progress: Callable[[Progress], None]) -> Result:
     stopwatch = Stopwatch()
     runner = make_runner(make_trainer(plan.env, plan.method, plan.config), plan.seeds)
     networks = make_networks(plan.env, plan.method, plan.config)

@@ -109,9 +109,7 @@ class CachedParCorr(CondIndTest):
         return value, float(2 * stdtr(freedom, -abs(value) * np.sqrt(freedom / (1 - value * value))))
 
 
-def link_strengths(
-    windows: Int[np.ndarray, "N T"], num_codes: int, tau_max: int = 1, test: CondIndTest | None = None
-) -> Links:
+def link_strengths(windows: Int[np.ndarray, "N T"], num_codes: int, tau_max: int = 1, test: CondIndTest | None = None) -> Links:
     """PCMCI over one-hot codes, each window its own sample (tigramite's `analysis_mode="multiple"`).
 
     Runge et al. 2019; settings of Gendron et al. 2024. Raises ValueError for codes outside 0 … num_codes − 1 and

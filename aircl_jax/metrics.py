@@ -154,9 +154,7 @@ def _feasibility_metrics(nets: Networks, params: Params, stats: ObsStats, refere
     return {"feasibility_auroc": auroc(log_delta, clean), "feasibility_gap": gap}
 
 
-def _reward_metrics(
-    nets: Networks, params: Params, stats: ObsStats, policy: Trajectory, scores: Scores
-) -> Metrics:
+def _reward_metrics(nets: Networks, params: Params, stats: ObsStats, policy: Trajectory, scores: Scores) -> Metrics:
     """Is f the true reward on feasible steps, and how much of the constraint hides in it (tabular worlds)."""
     undefined = jnp.full((), jnp.nan)
     if nets.method.needs_true_reward or nets.method.learner == "cloning":

@@ -172,17 +172,13 @@ class Networks:
         """V(s_t)."""
         return self.value_net.apply(params, self.acting_input(stats, obs, t))[0]
 
-    def reward(
-        self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]
-    ) -> Float[Array, ""]:
+    def reward(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
         """f_θ(s, a), on the environment's smooth coordinates or on s̃."""
         viewed = self.config.reward_input == "view" and self.env.reward_view_size
         seen = self.env.reward_view(obs) if viewed else self.normalise(stats, obs)
         return self.reward_net.apply(params, jnp.concatenate([seen, self.env.action_space.features(action)]))[0]
 
-    def feasibility_input(
-        self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]
-    ) -> Float[Array, " I"]:
+    def feasibility_input(self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
         """What both factors of the feasibility see of a step: s̃, and the action where constraints may speak of it."""
         seen = self.normalise(stats, obs)
         if not self.feasibility_sees_action:

@@ -82,9 +82,7 @@ def pair_maps(
     return first, second
 
 
-def _matrix(
-    values: Float[np.ndarray, "C C"], names: Sequence[str], label: str, marked: Sequence[tuple[int, int]]
-) -> Figure:
+def _matrix(values: Float[np.ndarray, "C C"], names: Sequence[str], label: str, marked: Sequence[tuple[int, int]]) -> Figure:
     figure = Figure(figsize=(6.6, 4.6), layout="constrained")
     axis = figure.subplots()
     colours = mpl.colormaps["viridis"].with_extremes(bad="#eeeeee")

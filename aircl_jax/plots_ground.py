@@ -44,9 +44,7 @@ class Ground(NamedTuple):
     unit: str
 
 
-def regions(
-    rows: Rows, cell: float, num_places: int
-) -> tuple[Int[np.ndarray, "H W"], tuple[float, float, float, float]]:
+def regions(rows: Rows, cell: float, num_places: int) -> tuple[Int[np.ndarray, "H W"], tuple[float, float, float, float]]:
     """The place that most rows of a square cell name, and the extent (left, right, bottom, top) of the grid.
 
     Cells without rows take the place of the nearest cell with some, at most REACH cells away; −1 beyond.

@@ -163,9 +163,7 @@ def _resumed(path: Path, settings: Settings, chunk: int) -> RunDirectory:
     whole = [iteration for iteration in _checkpoints(path) if iteration % chunk == 0]
     start = done if done == iterations else max(whole, default=0)
     if start and (not (path / METRICS).exists() or len(_complete_lines(path / METRICS)) < start):
-        raise ValueError(
-            f"{path / METRICS} is cut short of the checkpoint at {start}; use overwrite=true to start again"
-        )
+        raise ValueError(f"{path / METRICS} is cut short of the checkpoint at {start}; use overwrite=true to start again")
     return RunDirectory(path, settings, start=start)
 
 
@@ -209,9 +207,7 @@ def _checkpoint(path: Path, iteration: int) -> Path:
 def _checkpoints(path: Path) -> dict[int, Path]:
     """The whole checkpoints, by iteration."""
     state = path / STATE
-    return (
-        {int(entry.name): entry for entry in sorted(state.iterdir()) if entry.name.isdigit()} if state.is_dir() else {}
-    )
+    return {int(entry.name): entry for entry in sorted(state.iterdir()) if entry.name.isdigit()} if state.is_dir() else {}
 
 
 def _discard(checkpoint: Path) -> None:

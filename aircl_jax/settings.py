@@ -22,10 +22,7 @@ def updated(default: T, values: Mapping[str, Any], prefix: str = "") -> T:
             raise ValueError(f"unknown setting {_join(prefix, name)}; choose from {', '.join(hints)}")
     return replace(
         default,  # pyright: ignore[reportArgumentType]
-        **{
-            name: _converted(getattr(default, name), hints[name], value, _join(prefix, name))
-            for name, value in values.items()
-        },
+        **{name: _converted(getattr(default, name), hints[name], value, _join(prefix, name)) for name, value in values.items()},
     )
 
 

@@ -103,9 +103,7 @@ class Env:
     action_space: Discrete | Box
     reset: Callable[[PRNGKeyArray], tuple[Any, Float[Array, " O"]]]
     step: Callable[[PRNGKeyArray, Any, Shaped[Array, "*A"]], tuple[Any, Step]]
-    finite_horizon: bool = (
-        False  # the task ends at the horizon: the policy sees t/T and nothing is worth anything after it
-    )
+    finite_horizon: bool = False  # the task ends at the horizon: the policy sees t/T and nothing is worth anything after it
     reward_view: Callable[[Float[Array, " O"]], Float[Array, " R"]] = _identity  # the smooth coordinates that f may see
     reward_view_size: int = 0  # R; 0 stands for obs_size
     constraint_input: Literal["state", "state_action"] = "state"  # what a constraint of this kind of task speaks of

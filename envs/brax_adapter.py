@@ -27,9 +27,7 @@ def adapt(
     box = Box(world.action_size)
     shape = jax.eval_shape(world.reset, jax.random.key(0)).obs
     if not hasattr(shape, "size"):
-        raise ValueError(
-            f"observations of {type(world).__name__} are {type(shape).__name__}; choose an env with one vector"
-        )
+        raise ValueError(f"observations of {type(world).__name__} are {type(shape).__name__}; choose an env with one vector")
 
     def reset(key: PRNGKeyArray) -> tuple[Any, Float[Array, " O"]]:
         state = world.reset(key)

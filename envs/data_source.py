@@ -16,9 +16,7 @@ def data_folder(setting: str, name: str) -> Path | None:
     if setting == "default":
         folder = Path(os.environ[VARIABLE]) / name
         if not folder.is_dir():
-            raise ValueError(
-                f"{VARIABLE}={os.environ[VARIABLE]}: no folder {name} in it; set env.data=DIR or simulated"
-            )
+            raise ValueError(f"{VARIABLE}={os.environ[VARIABLE]}: no folder {name} in it; set env.data=DIR or simulated")
         return folder
     folder = Path(setting)
     if not folder.is_dir():

@@ -104,9 +104,7 @@ def _table(
     return Tabular(*(jnp.asarray(array, jnp.float32) for array in arrays))
 
 
-def _env(
-    name: str, options: GridOptions | NonMarkovOptions, table: Tabular, zones: dict[str, tuple[Cell, ...]]
-) -> Env:
+def _env(name: str, options: GridOptions | NonMarkovOptions, table: Tabular, zones: dict[str, tuple[Cell, ...]]) -> Env:
     distance_gain = options.reward_scale * _distance_gain(options)
 
     def reset(key: PRNGKeyArray) -> tuple[Int[Array, ""], Float[Array, " O"]]:

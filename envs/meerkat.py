@@ -117,9 +117,7 @@ def _code_table(herd: Herd) -> Tabular:
     )
 
 
-def _tabular(
-    transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray, start: np.ndarray, obs: np.ndarray
-) -> Tabular:
+def _tabular(transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray, start: np.ndarray, obs: np.ndarray) -> Tabular:
     arrays = (transition, reward, forbidden, forbidden, start, obs, np.zeros(len(start)))
     return Tabular(*(jnp.asarray(array, jnp.float32) for array in arrays))
 
@@ -187,9 +185,7 @@ def demonstrations(options: MeerkatOptions, split: Split = "all") -> dict[str, n
     """
     herd = load(options)
     number = len(herd.windows.code)
-    held_out = (
-        np.isin(herd.windows.recording, held_out_recordings(options)) if split != "all" else np.ones(number, bool)
-    )
+    held_out = np.isin(herd.windows.recording, held_out_recordings(options)) if split != "all" else np.ones(number, bool)
     return _arrays(herd.windows, herd.truth, options.state, np.flatnonzero(held_out != (split == "train")))
 
 
@@ -203,9 +199,7 @@ def held_out_recordings(options: MeerkatOptions) -> tuple[str, ...]:
     ordered = sorted(site, key=lambda recording: (site[recording], recording))
     folds = len(ordered) // 2
     if len(ordered) < 3:
-        raise ValueError(
-            f"{len(ordered)} recordings cannot be split: two are held out and one must be left to learn from"
-        )
+        raise ValueError(f"{len(ordered)} recordings cannot be split: two are held out and one must be left to learn from")
     if not 0 <= options.fold < folds:
         raise ValueError(f"env.fold={options.fold}: {len(ordered)} recordings give folds 0 to {folds - 1}")
     return ordered[options.fold], ordered[options.fold + folds]

@@ -190,9 +190,7 @@ def _recording(
     size, steps = len(start), RECORDING_SECONDS
     places, codes = _walk(policy, start, steps, generator)
     position = _positions(places, codes, generator)
-    apart = np.linalg.norm(position[:, None] - position[None], axis=-1) + np.where(
-        np.eye(size)[:, :, None], np.inf, 0.0
-    )
+    apart = np.linalg.norm(position[:, None] - position[None], axis=-1) + np.where(np.eye(size)[:, :, None], np.inf, 0.0)
     position[generator.random((size, steps)) < MISSING_SHARE] = np.nan
     pup = generator.random((size, 1)) < PUP_SHARE
     labels = np.array([*MAPPING.behaviours, *[MAPPING.moving] * len(MAPPING.places)])

@@ -176,9 +176,7 @@ def planar_physics(
     """One control step (qpos, qvel, action) → (qpos, qvel) of a compiled model's planar body."""
     chain, dt = chain_of(model), float(model.opt.timestep)
 
-    def dynamics(
-        qpos: Joints, qvel: Joints, action: Float[Array, " A"], guess: Joints
-    ) -> tuple[Joints, Float[Array, "V V"]]:
+    def dynamics(qpos: Joints, qvel: Joints, action: Float[Array, " A"], guess: Joints) -> tuple[Joints, Float[Array, "V V"]]:
         at = pose(chain, qpos)
         links = jnp.asarray(chain.mass)
         block = (links, jnp.zeros_like(links), links, jnp.asarray(chain.inertia))

@@ -125,9 +125,7 @@ def _rotation(quaternion: np.ndarray) -> np.ndarray:
 def _shape(model: Any, plane: _Plane) -> tuple[np.ndarray, np.ndarray]:
     """Inertia about the normal, and the drag of a box with each link's inertia (MuJoCo's inertia model of fluids)."""
     inertia, drag = [], []
-    for mass, principal, quaternion in zip(
-        model.body_mass[1:], model.body_inertia[1:], model.body_iquat[1:], strict=True
-    ):
+    for mass, principal, quaternion in zip(model.body_mass[1:], model.body_inertia[1:], model.body_iquat[1:], strict=True):
         rotation = np.abs(_rotation(quaternion))  # a link's own axes lie in the plane or along its normal
         box = rotation @ np.sqrt(6 * (principal.sum() - 2 * principal) / mass)
         (u, v), n, diameter = box[plane.axes], box @ plane.normal, box.mean()

@@ -128,9 +128,7 @@ def parse(table: Table, mapping: Mapping) -> Tracks:
     )
     order = np.lexsort((tracks.time, tracks.individual, tracks.recording))
     tracks = tracks.take(order)
-    again = np.append(
-        False, np.all([column[1:] == column[:-1] for column in tracks[:1] + tracks[2:3] + tracks[4:5]], 0)
-    )
+    again = np.append(False, np.all([column[1:] == column[:-1] for column in tracks[:1] + tracks[2:3] + tracks[4:5]], 0))
     if again.any():
         check.fail(int(order[again].min()), check.names["time"], "repeats a time of its track")
     return tracks
@@ -203,9 +201,7 @@ class _Checker:
         """Sets `{1;2}` as their numbers of members."""
         name = self.names[ours]
         self._each(name, _SET.fullmatch, "is not {a;b;…}")
-        return np.array(
-            [0 if text == "{}" else text.count(";") + 1 for text in self.table.columns[name]], dtype=np.int64
-        )
+        return np.array([0 if text == "{}" else text.count(";") + 1 for text in self.table.columns[name]], dtype=np.int64)
 
 
 def _is_number(text: str) -> bool:

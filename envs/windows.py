@@ -67,9 +67,7 @@ def code_rows(tracks: Tracks, mapping: Mapping, coding: Coding = "bout", other_g
     end of its segment) becomes moving to that place; other moving stays plain. `step`: only the row before the place
     changes does.
     """
-    others = (
-        np.isin(tracks.group, mapping.other_groups) if mapping.other_groups else np.zeros(len(tracks.time), dtype=bool)
-    )
+    others = np.isin(tracks.group, mapping.other_groups) if mapping.other_groups else np.zeros(len(tracks.time), dtype=bool)
     rows = tracks if other_groups else tracks.take(~others)
     behaviours = mapping.behaviours or _by_share(tracks.behaviour[~others])
     places = mapping.places or tuple(sorted(set(tracks.place.tolist()) - {""}))
@@ -158,9 +156,7 @@ def cut_windows(coded: Coded, tracks: Tracks, horizon: int = 30) -> Windows:
     number = (size - 1) // horizon
     starts = np.concatenate([first[k] + horizon * np.arange(number[k]) for k in range(len(size))])
     if not len(starts):
-        raise ValueError(
-            f"no segment of {horizon + 1} rows without a gap; the longest has {size.max()}: shorten the horizon"
-        )
+        raise ValueError(f"no segment of {horizon + 1} rows without a gap; the longest has {size.max()}: shorten the horizon")
     rows = starts[:, None] + np.arange(horizon + 1)
     used = int((number * horizon + (number > 0)).sum())
     short = int(size[number == 0].sum())

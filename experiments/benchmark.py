@@ -67,9 +67,7 @@ def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
 
     chunk = default_config(settings.env, get_method(settings.method).settings).chunk
     with tempfile.TemporaryDirectory() as place:
-        result = train(
-            settings.env, settings.method, seeds=seeds, iterations=CHUNKS * chunk, run_dir=Path(place) / "run"
-        )
+        result = train(settings.env, settings.method, seeds=seeds, iterations=CHUNKS * chunk, run_dir=Path(place) / "run")
     return result.summary["env_steps_per_s"], result.summary["compile_s"]
 
 

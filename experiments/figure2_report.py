@@ -81,9 +81,7 @@ def rise_table(numbers: Numbers) -> str:
             rise = f"{test.counts[0]} at {test.low:g} → {test.counts[1]} at {test.high:g}"
             share = f"{100 * test.bootstrap_share:.0f} %"
             lines.append(f"| {words} | {test.bin_width:g} | {rise} | {test.z:.2f} | {test.p_monotone:.3f} | {share} |")
-    caution = (
-        "The p-values take transitions for independent; those of one track are not, so that the true p are larger."
-    )
+    caution = "The p-values take transitions for independent; those of one track are not, so that the true p are larger."
     return "\n".join([*lines, "", caution])
 
 

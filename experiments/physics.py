@@ -22,9 +22,7 @@ def main() -> None:
     options = parser.parse_args()
     cache = tempfile.TemporaryDirectory()  # empty, so that compiling is timed
     runtime.prepare(devices=2, cache=Path(cache.name))
-    print(
-        "| body | engine | integrator | env steps/s, best (median) | compile s | |Δqpos| from fine RK4 after 50 steps |"
-    )
+    print("| body | engine | integrator | env steps/s, best (median) | compile s | |Δqpos| from fine RK4 after 50 steps |")
     print("|---|---|---|---|---|---|")
     for name in options.bodies:
         for engine in ("planar", "mjx") if options.mjx else ("planar",):

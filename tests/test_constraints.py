@@ -25,9 +25,7 @@ def _step(qpos: list[float], qvel: list[float], action: float, **settings: Any) 
 
 
 @pytest.mark.parametrize(("action", "violates"), [([0.5, -0.5], False), ([0.51, 0.0], True), ([0.0, -0.51], True)])
-def test_torque_is_violated_strictly_above_half_of_full_torque_on_either_side(
-    action: list[float], violates: bool
-) -> None:
+def test_torque_is_violated_strictly_above_half_of_full_torque_on_either_side(action: list[float], violates: bool) -> None:
     rule = find_constraint("torque", "swimmer")
     assert bool(rule.violated(POSE, jnp.array(action), rule.limit)) is violates
 

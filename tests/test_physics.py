@@ -22,10 +22,7 @@ ROBOT_NAMES = tuple(ROBOTS)
 STATES = 1000
 SLOW = [pytest.param(name, integrator, marks=pytest.mark.slow) for name, integrator in (("walker", "rk4"),)]
 FAST = [
-    (name, integrator)
-    for integrator in ("euler", "rk4")
-    for name in ROBOT_NAMES
-    if (name, integrator) != ("walker", "rk4")
+    (name, integrator) for integrator in ("euler", "rk4") for name in ROBOT_NAMES if (name, integrator) != ("walker", "rk4")
 ]
 
 

@@ -142,9 +142,7 @@ def test_a_gap_ends_a_segment_and_a_bout(tmp_path):
 
 
 def test_windows_share_one_row_and_the_report_adds_up(tmp_path):
-    rows = [f"{t},7,Foraging,Door,Adult,{{}},{{}},[1;{t};3]" for t in range(12)] + [
-        "20,7,Groom,Door,Adult,{},{},[0;0;0]"
-    ]
+    rows = [f"{t},7,Foraging,Door,Adult,{{}},{{}},[1;{t};3]" for t in range(12)] + ["20,7,Groom,Door,Adult,{},{},[0;0;0]"]
     tracks = read_folder(write(tmp_path, [*rows, ROWS[4]]), MEERKAT)
     windows = cut_windows(code_rows(tracks, MEERKAT), tracks, horizon=5)
     report = windows.report
