@@ -77,6 +77,9 @@ def make_plan(
         config = replace(config, iterations=_at_least("iterations", iterations, 1))
     _check_config(config, "train")
     count, first = _at_least("seeds", seeds, 1), _at_least("first_seed", first_seed, 0)
+    own = None if demonstrations == "default" else files.load(demonstrations, world)
+    if own is not None and row.needs_true_reward and "contrast" in row.terms and np.isnan(own.reward).any():
+        raise ValueError(f"demonstrations={demonstrations}: reward is missing, which the contrast prior of {method} compares")
     return Plan(
         env=world,
         env_settings=options,
@@ -86,7 +89,7 @@ def make_plan(
         seeds=tuple(range(first, first + count)),
         config=config,
         source=str(demonstrations),
-        own=None if demonstrations == "default" else files.load(demonstrations, world),
+        own=own,
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from aircl_jax.plan import Plan
 from aircl_jax.runs import FIGURES, REPORT, numbers
+from envs import ENVS
 
 MEANINGS = {
     "violation_rate": "share of timesteps that violate, samples of q (the paper's)",
@@ -141,8 +142,10 @@ def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> 
 def suggestions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Commands that answer the questions one has after a run, each with its purpose."""
     env, method = summary["env"].partition(" ")[0], summary["method"]
-    run = f"python -m experiments.run env={env}"
     baseline = "airl_centred" if method != "airl_centred" else "aircl_corrected"
+    if env not in ENVS:  # one's own world, which the command line does not know
+        return [(f'train(env, "{baseline}")', "without a constraint, or with one: what the feasibility adds")]
+    run = f"python -m experiments.run env={env}"
     return [
         (f"{run} method={baseline}", "without a constraint, or with one: what the feasibility adds"),
         (f"{run} method={method} first_seed=100 run_dir=runs/{env}/{method}_from_100", "other seeds"),

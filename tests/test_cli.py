@@ -116,3 +116,11 @@ def test_own_demonstrations_without_reward_or_cost_train_to_finite_numbers():
     summary = json.loads(Path("mine/summary.json").read_text())
     assert summary["metrics"]["violation_rate_expert"]["mean"] is None
     assert summary["metrics"]["rc_acc"]["mean"] is not None
+
+
+def test_contrast_prior_of_a_known_reward_refuses_demonstrations_without_one(capsys):
+    obs = np.eye(9, dtype=np.float32)[np.array([[0, 1, 2, 5], [0, 3, 6, 7]])]
+    np.savez("mine.npz", obs=obs, action=np.array([[1, 1, 2, 2], [2, 2, 1, 1]]))
+    assert main([*TINY, "method=icrl_prior", "demonstrations=mine.npz", "run_dir=mine"]) == 2
+    assert capsys.readouterr().err.startswith("error: demonstrations=mine.npz: reward is missing")
+    assert not Path("mine").exists()
