@@ -83,7 +83,11 @@ _TUNED_GRID = replace(
     ppo=replace(_GRID.ppo, num_epochs=2, learning_rate=1e-3, clip_eps=0.2),
     adversary=AdversaryConfig(learning_rate=1e-3),
 )
-_TUNED_SWIMMER = replace(_SWIMMER, adversary=AdversaryConfig(num_steps=8, learning_rate=2e-3))
+_TUNED_SWIMMER = replace(
+    _SWIMMER,
+    ppo=replace(_SWIMMER.ppo, num_epochs=4, learning_rate=1e-3, clip_eps=0.2, log_std_init=-1.2),
+    adversary=AdversaryConfig(num_steps=8, learning_rate=2e-3),
+)
 
 # What the centred and corrected rows run with.
 TUNED: dict[str, TrainConfig] = {"gridworld": _TUNED_GRID, "nonmarkov": _TUNED_GRID, "swimmer": _TUNED_SWIMMER}
