@@ -108,7 +108,7 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
 
 
 def restarting(env: Env) -> Env:
-    """The same world without an end: a step after one that terminates resets instead, is marked by its cost, and is masked."""
+    """The same world without an end: terminating counts as a violation, and the next step resets and is masked."""
 
     def reset(key: PRNGKeyArray) -> tuple[Any, Float[Array, " O"]]:
         state, obs = env.reset(key)
@@ -121,7 +121,8 @@ def restarting(env: Env) -> Env:
         again = Step(obs, jnp.zeros(()), jnp.full((), RESTART), jnp.zeros(()))
         pick = partial(jnp.where, fallen > 0)
         ended = pick(0.0, result.terminated)
-        shown = jax.tree.map(pick, again, result._replace(terminated=jnp.zeros(())))
+        lasting = result._replace(cost=jnp.maximum(result.cost, result.terminated), terminated=jnp.zeros(()))
+        shown = jax.tree.map(pick, again, lasting)
         return (jax.tree.map(pick, risen, moved), ended), shown
 
     return replace(env, reset=reset, step=step)

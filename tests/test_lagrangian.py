@@ -107,7 +107,7 @@ def test_a_world_that_ends_begins_again_after_one_masked_step():
         costs.append(float(result.cost))
         assert result.terminated == 0.0
     assert counts == [1, 2, 0, 1, 2, 0]
-    assert costs == [0.0, 0.0, -1.0, 0.0, 0.0, -1.0]
+    assert costs == [0.0, 1.0, -1.0, 0.0, 1.0, -1.0]  # the end is a violation, the step after it none of the task's
     assert np.isfinite(observation_stats(state).std).all()
 
 
