@@ -61,8 +61,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    commit = _commit()  # of the code that this process has loaded
     cells = {
-        (world, method): _cell(settings, world, method)
+        (world, method): _cell(settings, world, method, commit)
         for world in WORLDS
         for method in (METHODS if world == "default" else ELSEWHERE)
     }
@@ -72,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _cell(settings: Settings, world: str, method: str) -> dict[str, Any]:
+def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str, Any]:
     path = Path(settings.out) / world.replace(" ", "_") / f"{method}.json"
     if path.exists():
         return json.loads(path.read_text())
@@ -86,7 +87,7 @@ def _cell(settings: Settings, world: str, method: str) -> dict[str, Any]:
         **result.summary,
         "world": world,
         "command": " ".join(["python -m experiments.run", *words]),
-        "commit": _commit(),
+        "commit": commit,
         "alarms": result.alarms,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
