@@ -13,7 +13,7 @@ run: $(INSTALLED)
 	$(BIN)/python -m experiments.run env=gridworld overwrite=true
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal
 
 test-slow: $(INSTALLED)
 	$(BIN)/python -m pytest -m slow
