@@ -25,7 +25,7 @@ def save(path: Path, tree: Any) -> None:
     arrays = _named_arrays(tree)
     with orbax.checkpoint.StandardCheckpointer() as checkpointer:
         checkpointer.save(beside.absolute() / _ARRAYS, arrays)
-    (beside / _CHECKSUM).write_text(json.dumps({"crc32": _crc32(arrays)}))
+    (beside / _CHECKSUM).write_text(json.dumps({"crc32": _crc32(beside / _ARRAYS)}))
     beside.rename(path)
 
 
@@ -33,15 +33,11 @@ def load(path: Path, like: T) -> T:
     """The tree saved at `path`, with the structure of `like` (arrays or their shapes). Raises ValueError if damaged."""
     import orbax.checkpoint
 
-    damaged = f"the checkpoint {path} is damaged or cut short"
-    try:
-        with orbax.checkpoint.StandardCheckpointer() as checkpointer:
-            arrays = {name: np.asarray(leaf) for name, leaf in checkpointer.restore(path.absolute() / _ARRAYS).items()}
-        expected = json.loads((path / _CHECKSUM).read_text())["crc32"]
-    except Exception as error:  # Orbax and TensorStore raise many kinds on a damaged directory
-        raise ValueError(f"{damaged} ({type(error).__name__}); use overwrite=true to start again") from error
-    if _crc32(arrays) != expected:
-        raise ValueError(f"{damaged} (its checksum differs); use overwrite=true to start again")
+    # Before Orbax reads: where a file of several is damaged, it leaves its other reads to fail noisily later.
+    if not _is_whole(path):
+        raise ValueError(f"the checkpoint {path} is damaged or cut short; use overwrite=true to start again")
+    with orbax.checkpoint.StandardCheckpointer() as checkpointer:
+        arrays = {name: np.asarray(leaf) for name, leaf in checkpointer.restore(path.absolute() / _ARRAYS).items()}
     names, leaves, structure = _names_and_leaves(like)
     shapes = {name: leaf.shape for name, leaf in zip(names, jax.eval_shape(_raw_all, leaves), strict=True)}
     if {name: array.shape for name, array in arrays.items()} != shapes:
@@ -78,8 +74,17 @@ def _raw_all(leaves: list[Any]) -> list[Any]:
     return [raw(leaf) for leaf in leaves]
 
 
-def _crc32(arrays: dict[str, np.ndarray]) -> int:
+def _is_whole(path: Path) -> bool:
+    try:
+        return json.loads((path / _CHECKSUM).read_text())["crc32"] == _crc32(path / _ARRAYS)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _crc32(directory: Path) -> int:
+    """Of every file below, names and bytes."""
     checksum = 0
-    for name in sorted(arrays):
-        checksum = zlib.crc32(np.ascontiguousarray(arrays[name]).tobytes(), zlib.crc32(name.encode(), checksum))
+    for file in sorted(path for path in directory.rglob("*") if path.is_file()):
+        name = file.relative_to(directory).as_posix()
+        checksum = zlib.crc32(file.read_bytes(), zlib.crc32(name.encode(), checksum))
     return checksum
