@@ -21,6 +21,7 @@ class LagrangianConfig:
     multiplier_max: float = 200.0  # with a budget near 0 the multiplier only rises
     release: float = 0.0  # share of the iterations after which the unconstrained seeds lose the constraint
     restart: bool = False  # train with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
+    fall_cost: float = 1.0  # what an early end counts in training: a body that rises again for 1 falls for its convenience
     chunk: int = 20  # iterations between two checkpoints
     ppo: PPOConfig = field(
         default_factory=lambda: PPOConfig(learning_rate=1e-3, clip_eps=0.2, num_epochs=5, minibatch_size=1000, discount=0.99)
@@ -38,8 +39,19 @@ _SWIMMER_TORQUE = replace(
     ppo=replace(_DEFAULT.ppo, discount=0.9999, gae_lambda=0.98),
 )
 _SWIMMER_POSITION = replace(_DEFAULT, centred=True)
-# At the fixed horizon it would rather fall than balance in the narrow band; with an early end a fall is a violation.
-_PENDULUM_POSITION = replace(_DEFAULT, num_trajectories=64, restart=True)
+# At the fixed horizon it would rather fall than balance in the narrow band; where a fall costs 1 it falls and rises again in
+# the band. A multiplier that begins low and stays moderate lets it come to the wall from both sides (docs/experts.md).
+_PENDULUM_POSITION = replace(
+    _DEFAULT,
+    iterations=1000,
+    num_trajectories=64,
+    restart=True,
+    fall_cost=20.0,
+    cost_budget=1.0,
+    multiplier_init=0.1,
+    multiplier_rate=0.05,
+    multiplier_max=15.0,
+)
 _WALKER_TORQUE = replace(_DEFAULT, num_trajectories=24, restart=True)
 _WALKER_POSITION = _WALKER_TORQUE
 

@@ -67,7 +67,7 @@ class Lagrangian(NamedTuple):
 def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
     """PPO-Lagrangian's two functions; with `constrained` 0 it is plain PPO from `release` on."""
     nets = make_networks(env, _TRUE_REWARD, TrainConfig(hidden=config.hidden, ppo=config.ppo))
-    world = restarting(env)
+    world = restarting(env, config.fall_cost)
     optimiser = ppo.make_optimiser(config.ppo)
 
     def init(key: PRNGKeyArray) -> LagrangianState:
@@ -107,8 +107,8 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
     return Lagrangian(init, step, nets)
 
 
-def restarting(env: Env) -> Env:
-    """The same world without an end: terminating counts as a violation, and the next step resets and is masked."""
+def restarting(env: Env, fall_cost: float) -> Env:
+    """The same world without an end: terminating costs `fall_cost`, and the next step resets and is masked."""
 
     def reset(key: PRNGKeyArray) -> tuple[Any, Float[Array, " O"]]:
         state, obs = env.reset(key)
@@ -121,7 +121,7 @@ def restarting(env: Env) -> Env:
         again = Step(obs, jnp.zeros(()), jnp.full((), RESTART), jnp.zeros(()))
         pick = partial(jnp.where, fallen > 0)
         ended = pick(0.0, result.terminated)
-        lasting = result._replace(cost=jnp.maximum(result.cost, result.terminated), terminated=jnp.zeros(()))
+        lasting = result._replace(cost=jnp.maximum(result.cost, fall_cost * result.terminated), terminated=jnp.zeros(()))
         shown = jax.tree.map(pick, again, lasting)
         return (jax.tree.map(pick, risen, moved), ended), shown
 

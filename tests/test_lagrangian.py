@@ -98,7 +98,7 @@ def test_a_world_that_ends_begins_again_after_one_masked_step():
     world = limited_world(terminates_at=2)
     training = make_lagrangian(world, CONFIG)
     state = training.init(jax.random.key(0))
-    again = restarting(world)
+    again = restarting(world, fall_cost=5.0)
     carried, _ = again.reset(jax.random.key(1))
     counts, costs = [], []
     for t in range(6):
@@ -107,7 +107,7 @@ def test_a_world_that_ends_begins_again_after_one_masked_step():
         costs.append(float(result.cost))
         assert result.terminated == 0.0
     assert counts == [1, 2, 0, 1, 2, 0]
-    assert costs == [0.0, 1.0, -1.0, 0.0, 1.0, -1.0]  # the end is a violation, the step after it none of the task's
+    assert costs == [0.0, 5.0, -1.0, 0.0, 5.0, -1.0]  # the end costs, the step after it is none of the task's
     assert np.isfinite(observation_stats(state).std).all()
 
 
