@@ -14,6 +14,7 @@ from aircl_jax.types import Metrics, ObsStats, Params, Scores, TrainState, Traje
 
 TV_BINS = 16  # per coordinate of s̃, between −4 and 4, for the occupancies of worlds that are not tabular
 GOAL_TOLERANCE = 1e-3
+RETURNS = ("return", "return_sampled")  # undefined where no reward is known, also for a row that assumes r = 0
 
 
 def violation_rate(trajectories: Trajectory) -> Float[Array, ""]:
@@ -97,6 +98,7 @@ def evaluate(nets: Networks, state: TrainState, expert: Trajectory, reference: T
     expert_log_delta = log_feasibility(nets.method, config.coefficients, expert_scores)
     return {
         **step_metrics(sampled, policy, log_delta, expert_log_delta),
+        **({} if env.has_reward else dict.fromkeys(RETURNS, jnp.full((), jnp.nan))),
         **_accuracies(nets, expert_scores, sampled_scores),
         **_feasibility_metrics(nets, params, stats, reference),
         **_reward_metrics(nets, params, stats, policy, policy_scores),

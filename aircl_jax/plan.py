@@ -78,8 +78,10 @@ def make_plan(
     _check_config(config, "train")
     count, first = _at_least("seeds", seeds, 1), _at_least("first_seed", first_seed, 0)
     own = None if demonstrations == "default" else files.load(demonstrations, world)
-    if own is not None and row.needs_true_reward and "contrast" in row.terms and np.isnan(own.reward).any():
-        raise ValueError(f"demonstrations={demonstrations}: reward is missing, which the contrast prior of {method} compares")
+    unknown = not world.has_reward if own is None else np.isnan(own.reward).any()
+    if row.needs_true_reward and "contrast" in row.terms and unknown:
+        whose = f"env={name}" if own is None else f"demonstrations={demonstrations}"
+        raise ValueError(f"{whose}: reward is missing, which the contrast prior of {method} compares")
     return Plan(
         env=world,
         env_settings=options,

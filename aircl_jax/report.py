@@ -132,6 +132,7 @@ def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> 
     return _paragraphs(
         "",
         table(summary),
+        _undefined(summary),
         _effort(summary),
         "Alarms:\n" + _bullets(alarms) if alarms else "No alarm rang.",
         f"Every seed: {run_dir}/{REPORT}   figures: {run_dir}/{FIGURES}/",

@@ -13,6 +13,7 @@ from envs import Env
 
 def rollout(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNGKeyArray) -> Trajectory:
     """τ ~ π_ω: reset, then T steps. `mask` ends with the step that terminates; `bootstrap` is V(s_T) at a mere time limit."""
+    assumes_no_reward = nets.method.needs_true_reward and not env.has_reward  # GACL on animals, r = 0; Section 7.3
     key_reset, key_steps = jax.random.split(key)
     env_state, first_obs = env.reset(key_reset)
 
@@ -24,8 +25,9 @@ def rollout(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNG
         action, log_prob = drawn
         value = nets.value(params.value, stats, obs, t)
         env_state, step = env.step(key_env, env_state, action)
+        reward = jnp.zeros(()) if assumes_no_reward else step.reward
         carry = (env_state, step.obs, alive * (1.0 - step.terminated))
-        return carry, Trajectory(obs, action, log_prob, value, step.reward, step.cost, mask=alive, bootstrap=jnp.zeros(()))
+        return carry, Trajectory(obs, action, log_prob, value, reward, step.cost, mask=alive, bootstrap=jnp.zeros(()))
 
     steps = (jnp.arange(env.horizon), jax.random.split(key_steps, env.horizon))
     (_, last_obs, alive), trajectory = jax.lax.scan(one_step, (env_state, first_obs, jnp.ones(())), steps)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 
 class Step(NamedTuple):
-    """What one control step returns: the next observation, the true reward and cost of this step, and its end."""
+    """What one control step returns: the next observation, the true reward and cost of this step (NaN: unknown), its end."""
 
     obs: Float[Array, " O"]
     reward: Float[Array, ""]
@@ -65,8 +65,8 @@ class Tabular(NamedTuple):
     """A finite world in full: what exact planning needs. X are its states (Markov, so perhaps more than the cells seen)."""
 
     transition: Float[Array, "X A X"]  # P(x'|x, a)
-    reward: Float[Array, "X A"]  # E[r | x, a]
-    cost: Float[Array, " X"]  # cost of a step taken in x
+    reward: Float[Array, "X A"]  # E[r | x, a], NaN where unknown
+    cost: Float[Array, " X"]  # cost of a step taken in x, NaN where unknown
     forbidden: Float[Array, " X"]  # 1 where an expert may not enter
     start: Float[Array, " X"]  # distribution of x_0
     obs: Float[Array, "X O"]  # what is seen in x
@@ -83,7 +83,7 @@ class Layout(NamedTuple):
 
 
 class Recorded(NamedTuple):
-    """Demonstrations that come with a world's data: obs [N, T, O], action, mask, reward and cost, by name."""
+    """Demonstrations that come with a world's data: obs [N, T, O], action, mask, reward and cost (NaN: unknown), by name."""
 
     demonstrations: Callable[[], dict[str, Any]]
     reference: Callable[[], dict[str, Any]] | None  # None: nothing is known by which to score a feasibility
@@ -107,7 +107,7 @@ class Env:
     reward_view: Callable[[Float[Array, " O"]], Float[Array, " R"]] = _identity  # the smooth coordinates that f may see
     reward_view_size: int = 0  # R; 0 stands for obs_size
     constraint_input: Literal["state", "state_action"] = "state"  # what a constraint of this kind of task speaks of
-    has_reward: bool = True  # False for animals: there is no true reward to read
+    has_reward: bool = True  # False for animals: there is no true reward to read, and `step` gives NaN
     tabular: Tabular | None = None  # the world as tables, where it is finite
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
     success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal

@@ -39,7 +39,7 @@ REFERENCE_SEED = 1
 
 
 class Maze(NamedTuple):
-    """Recordings and dynamics; reward and cost are 0 for real mice, for which `simulated` is False."""
+    """Recordings and dynamics; reward and forbidden nodes are unknown, NaN, for real mice, for which `simulated` is False."""
 
     node: Int[np.ndarray, "R L"]
     action: Int[np.ndarray, "R L"]
@@ -78,7 +78,7 @@ def _read(folder: Path) -> Maze:
     if len(wrong):
         recording, step = wrong[0]
         raise ValueError(f"{file}: recording {recording}, step {step}: the next node is not where the action leads")
-    return Maze(node, action, successor, np.zeros(successor.shape), np.zeros(NUM_NODES), simulated=False)
+    return Maze(node, action, successor, np.full(successor.shape, np.nan), np.full(NUM_NODES, np.nan), simulated=False)
 
 
 def _array(folder: Path, name: str) -> np.ndarray:
@@ -144,7 +144,7 @@ def make_labyrinth(options: LabyrinthOptions) -> Env:
         np.eye(NUM_NODES)[maze.successor],
         maze.reward,
         maze.forbidden,
-        maze.forbidden,
+        np.nan_to_num(maze.forbidden),
         start / start.sum(),
         np.eye(NUM_NODES),
         np.zeros(NUM_NODES),

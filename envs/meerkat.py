@@ -89,9 +89,9 @@ def make_meerkat(options: MeerkatOptions) -> Env:
 
 
 def _truth_arrays(truth: mob.Truth | None, size: int) -> tuple[Float[np.ndarray, "C C"], Float[np.ndarray, "C C"]]:
-    """True reward and cost [from code, to code], 0 where nothing is known."""
+    """True reward and cost [from code, to code], NaN where nothing is known."""
     if truth is None:
-        return np.zeros((size, size)), np.zeros((size, size))
+        return np.full((size, size), np.nan), np.full((size, size), np.nan)
     return truth.reward, truth.forbidden.astype(float)
 
 
@@ -102,33 +102,40 @@ def _code_table(herd: Herd) -> Tabular:
     """
     reward, cost = _truth_arrays(herd.truth, len(herd.windows.names))
     size, copies = len(reward), 1 if herd.truth is None else 2
+    entered = np.nan_to_num(cost).astype(int)  # by a forbidden transition
     transition = np.zeros((size, size, copies, size))
     code, action = np.indices((size, size))
-    transition[code, action, cost.astype(int), action] = 1.0
+    transition[code, action, entered, action] = 1.0
     start = np.zeros(copies * size)
     start[:size] = np.bincount(herd.windows.code[:, 0], minlength=size) / len(herd.windows.code)
-    flagged = (np.arange(copies * size) >= size).astype(float)
+    flagged = np.arange(copies * size) >= size
     return _tabular(
         np.tile(transition.reshape(size, size, copies * size), (copies, 1, 1)),
         np.tile(reward, (copies, 1)),
-        flagged,
+        flagged if herd.truth is not None else None,
         start,
         np.tile(np.eye(size), (copies, 1)),
     )
 
 
-def _tabular(transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray, start: np.ndarray, obs: np.ndarray) -> Tabular:
-    arrays = (transition, reward, forbidden, forbidden, start, obs, np.zeros(len(start)))
+def _tabular(
+    transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray | None, start: np.ndarray, obs: np.ndarray
+) -> Tabular:
+    """Nothing is forbidden where no truth is known, and the cost is NaN."""
+    nothing = np.zeros(len(start))
+    cost, barred = (nothing + np.nan, nothing) if forbidden is None else (forbidden, forbidden)
+    arrays = (transition, reward, cost, barred, start, obs, nothing)
     return Tabular(*(jnp.asarray(array, jnp.float32) for array in arrays))
 
 
 def _code_step(herd: Herd, table: Tabular) -> Transition:
     reward, cost = (jnp.asarray(array, jnp.float32) for array in _truth_arrays(herd.truth, len(herd.windows.names)))
     size = len(reward)
+    entered = jnp.nan_to_num(cost).astype(jnp.int32)
 
     def step(key: PRNGKeyArray, state: Int[Array, ""], action: Int[Array, ""]) -> tuple[Int[Array, ""], Step]:
         code = state % size
-        successor = action + size * cost[code, action].astype(action.dtype)
+        successor = action + size * entered[code, action]
         return successor, Step(table.obs[successor], reward[code, action], cost[code, action], jnp.zeros(()))
 
     return step
@@ -165,7 +172,7 @@ def _place_table(herd: Herd) -> Tabular:
     prior = BACK_OFF * of_state / of_state.sum(axis=1, keepdims=True)
     transition = (counts + prior[:, None]) / (counts.sum(axis=2, keepdims=True) + BACK_OFF)
     start = np.bincount(state[:, 0], minlength=size) / len(state)
-    return _tabular(transition, np.zeros((size, actions)), np.zeros(size), start, obs)
+    return _tabular(transition, np.full((size, actions), np.nan), None, start, obs)
 
 
 def _table_step(table: Tabular) -> Transition:
@@ -173,7 +180,7 @@ def _table_step(table: Tabular) -> Transition:
 
     def step(key: PRNGKeyArray, state: Int[Array, ""], action: Int[Array, ""]) -> tuple[Int[Array, ""], Step]:
         successor = jax.random.categorical(key, log_transition[state, action])
-        return successor, Step(table.obs[successor], table.reward[state, action], jnp.zeros(()), jnp.zeros(()))
+        return successor, Step(table.obs[successor], table.reward[state, action], table.cost[state], jnp.zeros(()))
 
     return step
 

@@ -1,13 +1,18 @@
 """The meerkats' world: the action is the next state, the simulated mob keeps its constraint, folds, the place state."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tiny import TINY, UNOPTIMISED, tiny_networks, unit_stats
 
+from aircl_jax import report, train
+from aircl_jax.metrics import feasible_return, infeasible, violation_rate
+from aircl_jax.rollout import rollouts
 from envs import Discrete, make_env, mob
 from envs.mapping import load_mapping
 from envs.meerkat import demonstrations, held_out_recordings, load, reference_set
@@ -168,6 +173,42 @@ def test_a_truth_is_claimed_for_the_default_coding_alone():
         reference_set(MeerkatOptions(data="simulated", coding="step"))
 
 
+UNKNOWABLE = (
+    *("violation_rate", "violation_rate_policy", "violation_rate_expert", "infeasible_share", "infeasible_share_policy"),
+    *("return", "return_sampled", "expert_return", "feasible_return", "reward_correlation", "violation_reward_only"),
+    *("feasibility_auroc", "feasibility_gap"),
+)
+
+
+@pytest.mark.parametrize(("method", "reward"), [("aircl", np.nan), ("gacl", 0.0)])
+def test_an_unknown_reward_and_cost_are_nan_and_gacl_takes_the_reward_for_0(method, reward):
+    env = make_env("meerkat", data="simulated", coding="step", horizon=3)
+    nets, params = tiny_networks(env, method)
+    episodes = jax.jit(rollouts, static_argnums=(0, 1, 5), compiler_options=UNOPTIMISED)(
+        env, nets, params, unit_stats(env), jax.random.key(0), 2
+    )
+    np.testing.assert_array_equal(episodes.reward, np.full((2, 3), reward))
+    assert all(np.isnan(measure(episodes)).all() for measure in (violation_rate, infeasible, feasible_return))
+
+
+@pytest.mark.slow
+def test_what_no_truth_is_known_of_is_undefined_and_gacl_learns_with_no_reward():
+    config = replace(TINY, num_evaluation=4)
+    settings = {"data": "simulated", "coding": "step"}
+    result = train("meerkat", "gacl", seeds=1, iterations=1, env_settings=settings, config=config)
+    measured = result.summary["metrics"]
+    assert {name for name in UNKNOWABLE if measured[name]["mean"] is not None} == set()
+    assert measured["rc_acc"]["mean"] is not None
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(result.states.params))
+    assert f"Undefined here: {', '.join(sorted(UNKNOWABLE[:2]))}" in report.closing(result.summary, [], "runs")
+
+
+def test_the_contrast_prior_is_refused_a_reward_that_nobody_knows():
+    settings = {"data": "simulated", "coding": "step"}
+    with pytest.raises(ValueError, match="env=meerkat: reward is missing, which the contrast prior of gacl compares"):
+        train("meerkat", "gacl", contrast_prior="on", env_settings=settings)
+
+
 @needs_data
 def test_the_real_windows_have_no_reward_and_both_cameras_in_every_fold():
     env, options = make_env("meerkat", data=DATA), MeerkatOptions(data=DATA)
@@ -175,7 +216,8 @@ def test_the_real_windows_have_no_reward_and_both_cameras_in_every_fold():
     assert env.name == "meerkat"
     assert not env.has_reward
     assert arrays["obs"].shape == (1289, 30, 25)
-    assert not arrays["reward"].any()
+    assert np.isnan(arrays["reward"]).all()
+    assert np.isnan(arrays["cost"]).all()
     folds = [held_out_recordings(MeerkatOptions(data=DATA, fold=fold)) for fold in range(9)]
     assert len({recording for fold in folds for recording in fold}) == 18
     assert all("_C2_" in first and "_C3_" in second for first, second in folds)
