@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from aircl_jax.api import Result, train
+    from aircl_jax.api import Result, load, train
     from aircl_jax.methods import METHODS
     from aircl_jax.train import make_trainer
     from envs import ENVS, make_env
@@ -18,12 +18,13 @@ _HOMES = {
     "ENVS": "envs",
     "METHODS": "aircl_jax.methods",
     "Result": "aircl_jax.api",
+    "load": "aircl_jax.api",
     "make_env": "envs",
     "make_trainer": "aircl_jax.train",
     "train": "aircl_jax.api",
 }
 
-__all__ = ["ENVS", "METHODS", "Result", "make_env", "make_trainer", "train"]
+__all__ = ["ENVS", "METHODS", "Result", "load", "make_env", "make_trainer", "train"]
 
 
 class _Package(ModuleType):

@@ -18,8 +18,8 @@ from aircl_jax.config import TrainConfig
 from aircl_jax.feasibility import log_feasibility
 from aircl_jax.metrics import evaluate as evaluate_seed
 from aircl_jax.networks import Networks, make_networks
-from aircl_jax.plan import Plan, make_plan
-from aircl_jax.seeds import make_runner
+from aircl_jax.plan import Plan, make_plan, planned
+from aircl_jax.seeds import make_runner, seed_keys
 from aircl_jax.session import Progress, Row, Stopwatch, run_session
 from aircl_jax.train import make_trainer
 from aircl_jax.types import TrainState, Trajectory
@@ -102,6 +102,27 @@ def train(
     if run_dir is not None:
         directory = runs.open_run(Path(run_dir), plan.settings, plan.config.chunk, runs.existing(resume, overwrite))
     return _train(plan, directory, command, on_progress)
+
+
+def load(run_dir: str | Path) -> Result:
+    """What a run has learned so far, from its newest checkpoint; writes nothing.
+
+    A run that is still going on has no summary yet: its states are then evaluated as at the end.
+
+    Raises:
+        ValueError: in one line, where there is no run, or none that this version can read.
+    """
+    directory = runs.open_saved(Path(run_dir))
+    plan = planned({**directory.settings, "iterations": directory.start})
+    networks = make_networks(plan.env, plan.method, plan.config)
+    expert, reference = _demonstrations(plan)
+    init = jax.vmap(make_trainer(plan.env, plan.method, plan.config).init)
+    states = directory.load(jax.eval_shape(init, seed_keys(plan.seeds), expert))
+    if directory.finished:
+        summary = directory.summary()
+    else:
+        summary = report.summarise(plan, _evaluator(networks, expert, reference)(states), directory.timing())
+    return _result(plan, networks, states, expert, reference, summary, directory, [])
 
 
 def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_progress: Callable[[Progress], None]) -> Result:

@@ -95,6 +95,22 @@ def make_plan(
     )
 
 
+def planned(settings: Mapping[str, Any]) -> Plan:
+    """The plan whose `settings` these are. Raises ValueError where a world or a file of then is not known now."""
+    env, demonstrations = dict(settings["env"]), settings["demonstrations"]
+    plan = make_plan(
+        env.pop("name"),
+        settings["method"],
+        demonstrations=demonstrations if demonstrations == "default" else demonstrations["source"],
+        env_settings=env,
+        config=settings["train"],
+        **{name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")},
+    )
+    if plan.settings["demonstrations"] != demonstrations:
+        raise ValueError(f"demonstrations={plan.source} is not the file that the run had: its content has changed")
+    return plan
+
+
 def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, Any]]:
     if name not in ENVS:
         raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")

@@ -123,6 +123,20 @@ def open_run(
     return _resumed(path, settings, chunk)
 
 
+def open_saved(path: Path) -> RunDirectory:
+    """A run for reading, as far as its newest checkpoint, whether it is finished or still going on. Raises ValueError."""
+    if not (path / CONFIG).is_file():
+        raise ValueError(f"run_dir={path} holds no run; choose a directory with a {CONFIG}")
+    try:
+        settings = dict(yaml.safe_load((path / CONFIG).read_text()))
+    except (yaml.YAMLError, TypeError, ValueError) as error:
+        raise ValueError(f"{path / CONFIG} cannot be read") from error
+    newest = max(_checkpoints(path), default=0)
+    if newest == 0:
+        raise ValueError(f"run_dir={path} has no checkpoint yet; choose a run that has")
+    return RunDirectory(path, settings, start=newest, finished=(path / SUMMARY).is_file())
+
+
 def existing(resume: bool, overwrite: bool) -> Literal["refuse", "resume", "overwrite"]:
     """What to do with a run that is there already. Raises ValueError where both are asked for."""
     if resume and overwrite:

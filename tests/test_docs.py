@@ -76,6 +76,7 @@ UNDERSTOOD = {
     "experiments.expert": parsed_by_expert,
     "experiments.recovery": parsed_by("experiments.recovery"),
     "experiments.benchmark": parsed_by("experiments.benchmark"),
+    "experiments.watch": parsed_by("experiments.watch"),
 }
 
 

@@ -1,0 +1,88 @@
+"""Look at a robot's run: `python -m experiments.watch run_dir=runs/swimmer/aircl_corrected` writes a player and a film strip.
+
+run_dir   a run on a robot, finished or still going on
+seed      which of its seeds; the first by default
+episodes  how many of the demonstrations and of the learned policy
+out       folder for watch.html, which plays in any browser, and film_strip.png; by default the run's figures
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from aircl_jax import runtime
+
+runtime.prepare()  # before anything imports jax
+
+from experiments.arguments import parse  # noqa: E402
+
+
+@dataclass(frozen=True)
+class Settings:
+    run_dir: str = ""
+    seed: int | Literal["first"] = "first"
+    episodes: int = 3
+    out: str = "run_dir/figures"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Roll out, draw and write; 0 done, 2 bad input."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    if "--help" in words:
+        print(__doc__)
+        return 0
+    try:
+        for path, caption in watch(parse(words, Settings())):
+            print(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def watch(settings: Settings) -> list[tuple[Path, str]]:
+    """The two files, each with a sentence on it. Raises ValueError for what does not fit."""
+    from aircl_jax.runs import FIGURES, open_saved
+    from envs.tasks import ROBOTS
+
+    if not settings.run_dir:
+        raise ValueError("run_dir is missing; give the directory of a run, as in run_dir=runs/swimmer/aircl_corrected")
+    if settings.episodes < 1:
+        raise ValueError(f"episodes={settings.episodes} is not at least 1")
+    run_dir = Path(settings.run_dir)
+    saved = open_saved(run_dir).settings
+    env, first, number = saved["env"]["name"], saved["first_seed"], saved["seeds"]
+    if env not in ROBOTS:
+        raise ValueError(f"run_dir={run_dir} is a run on {env}, which has no body; choose a run on {', '.join(ROBOTS)}")
+    index = 0 if settings.seed == "first" else settings.seed - first
+    if not 0 <= index < number:
+        choices = ", ".join(str(seed) for seed in range(first, first + number))
+        raise ValueError(f"seed={settings.seed} is not in {run_dir}; choose from {choices}")
+    out = run_dir / FIGURES if settings.out == Settings().out else Path(settings.out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"out={out} cannot be written: {error.strerror}; choose another folder") from error
+    return _write(run_dir, index, settings.episodes, out)
+
+
+def _write(run_dir: Path, index: int, episodes: int, out: Path) -> list[tuple[Path, str]]:
+    import matplotlib as mpl
+
+    from aircl_jax import load, player, plots_film, watching
+    from aircl_jax.plots_style import DPI, STYLE
+
+    scene = watching.gather(load(run_dir), index, episodes)
+    film, page = out / "film_strip.png", out / "watch.html"
+    page.write_text(player.page(scene), encoding="utf-8")
+    with mpl.rc_context(STYLE):
+        drawing = plots_film.film_strip(scene)
+        drawing.figure.savefig(film, dpi=DPI)
+    number = len(scene.expert.length)
+    return [(page, f"{number} episodes of demonstrations and policy; open it in a browser."), (film, drawing.caption)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
