@@ -75,6 +75,7 @@ UNDERSTOOD = {
     "experiments.run": parsed_by_run,
     "experiments.expert": parsed_by_expert,
     "experiments.recovery": parsed_by("experiments.recovery"),
+    "experiments.table1": parsed_by("experiments.table1"),
     "experiments.benchmark": parsed_by("experiments.benchmark"),
     "experiments.watch": parsed_by("experiments.watch"),
 }

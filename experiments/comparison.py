@@ -1,0 +1,83 @@
+"""Which differences a few seeds can show: paired tests, Holm's correction and bootstrap intervals."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from scipy import stats
+
+SIGNIFICANCE = 0.05
+CONFIDENCE = 0.95
+RESAMPLES = 9999
+
+FEWEST_SEEDS = 6  # with fewer, no paired test of ours gives a p below 5 %
+
+Values = Mapping[int, float | None]  # {seed: value}, None where undefined
+
+
+def mean(values: Values) -> float | None:
+    """Over seeds; None as soon as it is undefined for one."""
+    defined = [value for value in values.values() if value is not None]
+    return sum(defined) / len(defined) if defined and len(defined) == len(values) else None
+
+
+def differences(first: Values, second: Values) -> np.ndarray:
+    """first − second on the seeds where both are defined."""
+    seeds = [seed for seed in first if first[seed] is not None and second.get(seed) is not None]
+    return np.array([first[seed] for seed in seeds], float) - np.array([second[seed] for seed in seeds], float)
+
+
+def paired_p(difference: np.ndarray) -> float:
+    """Two-sided p of Wilcoxon's signed-rank test; 1 where nothing differs."""
+    if not difference.any():
+        return 1.0
+    _, p = stats.wilcoxon(difference)
+    return float(p)  # pyright: ignore[reportArgumentType]
+
+
+def least_p(pairs: int) -> float:
+    """The smallest p that the test can give with so many pairs: all signs alike, 2 of 2^n cases."""
+    return min(2.0 ** (1 - pairs), 1.0)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Holm's step-down correction: p_(i) ← max_{j ≤ i} min(1, (m − j + 1) p_(j)), in the order that was given."""
+    order = np.argsort(p_values, kind="stable")
+    scaled = np.asarray(p_values, float)[order] * np.arange(len(p_values), 0, -1)
+    adjusted = np.empty(len(p_values))
+    adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
+    return adjusted.tolist()
+
+
+def interval(values: Iterable[float | None]) -> tuple[float, float] | None:
+    """Percentile bootstrap interval of the mean; None with fewer than two values, or where one is undefined."""
+    sample = np.array([np.nan if value is None else value for value in values], float)
+    if len(sample) < 2 or np.isnan(sample).any():
+        return None
+    if np.ptp(sample) == 0:
+        return float(sample[0]), float(sample[0])
+    draws = np.random.default_rng(0)
+    found = stats.bootstrap(
+        (sample,), np.mean, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile", rng=draws
+    )
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+
+
+def against_best(column: Mapping[str, Values], lower: bool) -> dict[str, float]:
+    """Holm-adjusted p of each method against the one with the best mean, whose own is 1.
+
+    A method that is undefined on a seed is left out. Empty where the seeds are too few to show any difference.
+    """
+    means = {name: average for name, values in column.items() if (average := mean(values)) is not None}
+    if len(means) < 2:
+        return {}
+    best = (min if lower else max)(means, key=lambda name: means[name])
+    others = [name for name in means if name != best]
+    if least_p(min(len(column[name]) for name in means)) * len(others) >= SIGNIFICANCE:
+        return {}
+    adjusted = holm([paired_p(differences(column[name], column[best])) for name in others])
+    return {best: 1.0, **dict(zip(others, adjusted, strict=True))}
+
+
+def best_or_tied(column: Mapping[str, Values], lower: bool) -> set[str]:
+    """The best mean, and whatever the seeds do not show to be worse."""
+    return {name for name, p in against_best(column, lower).items() if p >= SIGNIFICANCE}
