@@ -151,10 +151,11 @@ def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_pro
         summary = report.summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
         result = _result(plan, networks, states, expert, reference, summary, directory, session.rows)
         if directory:
-            from aircl_jax import plots
+            from aircl_jax import plots, preferences
 
             figures = plots.write_figures(result, directory.path / runs.FIGURES)
-            directory.write_report(report.report(summary, result.alarms, figures, command))
+            reading = preferences.reading(result)
+            directory.write_report(report.report(summary, result.alarms, figures, command, reading))
             directory.write_summary(summary)
     return result
 

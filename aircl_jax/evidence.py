@@ -55,12 +55,12 @@ def gather(result: Result) -> Evidence:
 
 
 def gather_grid(result: Result, table: Tabular) -> GridEvidence:
-    """The maps of a world that has a layout; one's own demonstrations stand for the exact expert."""
+    """The maps of a world whose observations are one-hot; recordings, and one's own, stand for the exact expert."""
     maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)), compiler_options=ONCE)(result.states)
-    if result.plan.own is None:
+    if result.plan.own is None and result.plan.env.recorded is None:
         seen = jax.jit(partial(_expert_occupancy, result.plan.env, table), compiler_options=ONCE)()
     else:
-        seen = result.plan.own.obs.mean(axis=(0, 1))
+        seen = result.expert.obs[0].mean(axis=(0, 1))
     return GridEvidence(*jax.device_get((*maps, seen)))
 
 

@@ -7,9 +7,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from aircl_jax import evidence, plots_curves, plots_grid, plots_paths, plots_steps
+from aircl_jax import evidence, plots_codes, plots_curves, plots_grid, plots_maze, plots_paths, plots_steps
 from aircl_jax.api import Result
 from aircl_jax.plots_style import BLUE, DPI, ORANGE, STYLE, Drawing, final, over_seeds
+from aircl_jax.preferences import recover
 
 BINS = 25
 
@@ -21,6 +22,12 @@ def draw(result: Result) -> Iterator[Drawing]:
     if env.layout is not None and env.tabular is not None:
         yield from plots_grid.draw(result, env.layout, env.tabular, found)
         yield from plots_paths.draw(result, env.layout, found)
+    elif env.tabular is not None and (env.codes or env.maze) and result.plan.method.learner != "cloning":
+        recovered = recover(result, env.tabular)
+        if env.codes:
+            yield from plots_codes.draw(recovered, env.codes, over_seeds(result))
+        if env.maze:
+            yield from plots_maze.draw(recovered, env.maze, over_seeds(result))
     elif env.tabular is None:
         yield from plots_steps.draw(result, found)
     if result.plan.method.feasibility != "none" and _has_both_labels(result):

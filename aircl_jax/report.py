@@ -97,8 +97,10 @@ def seed_table(summary: Mapping[str, Any]) -> str:
     return _markdown(rows)
 
 
-def report(summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[tuple[Path, str]], command: str) -> str:
-    """report.md: what ran, what came out, what rang, the figures, what to try next."""
+def report(
+    summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[tuple[Path, str]], command: str, reading: str = ""
+) -> str:
+    """report.md: what ran, what came out, what rang, the figures, what they mean in plain words, what to try next."""
     return _paragraphs(
         f"# {summary['method']} on {summary['env']}",
         f"`{command}`" if command else "Trained from Python.",
@@ -107,6 +109,7 @@ def report(summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[
         _bullets(map(_sentence, alarms)) or "None rang.",
         "## Figures",
         *(f"![{path.stem}]({FIGURES}/{path.name})\n\n{caption}" for path, caption in figures),
+        *(["## In plain words", reading] if reading else []),
         "## Measures at the end",
         table(summary),
         _undefined(summary),

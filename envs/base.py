@@ -6,7 +6,8 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, Shaped
 
 
 class Step(NamedTuple):
@@ -82,6 +83,21 @@ class Layout(NamedTuple):
     zones: dict[str, tuple[tuple[int, int], ...]]  # the cells that the constraint speaks of, by name
 
 
+class Codes(NamedTuple):
+    """A world of codes: observation i is one-hot of code i, and action j makes j the next code."""
+
+    names: tuple[str, ...]
+    impossible: Bool[np.ndarray, "C C"]  # [from, to] that recording and coding rule out, whatever the animals want
+
+
+class Maze(NamedTuple):
+    """A world of nodes: observation i is one-hot of node i; where to draw the nodes, and which ones have a name."""
+
+    position: Float[np.ndarray, "X 2"]
+    successor: Int[np.ndarray, "X A"]
+    marks: dict[str, int]
+
+
 class Recorded(NamedTuple):
     """Demonstrations that come with a world's data: obs [N, T, O], action, mask, reward and cost (NaN: unknown), by name."""
 
@@ -114,3 +130,5 @@ class Env:
     recorded: Recorded | None = None  # demonstrations of the world's own data, where it has some
     demonstrations: str | None = None  # name of the shipped D_E (and of its reference set), where experts are trained
     layout: Layout | None = None  # how to draw a world whose observations are the cells of a grid
+    codes: Codes | None = None  # what the codes of a world of codes are called
+    maze: Maze | None = None  # how to draw a world whose observations are the nodes of a maze

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from scipy.special import logsumexp
 
-from envs.base import Discrete, Env, Recorded, Step, Tabular
+from envs.base import Discrete, Env, Maze, Recorded, Step, Tabular
 from envs.data_source import data_folder
 from envs.options import LabyrinthOptions
 
@@ -37,8 +37,11 @@ SIMULATED_RECORDINGS, SIMULATED_STEPS = 100, 500
 SIMULATED_DISCOUNT = 0.9
 REFERENCE_SEED = 1
 
+MARKS = {"home": HOME, "water port": WATER_PORT}
+SIMULATED_MARKS = MARKS | {"bait": SIMULATED_BAIT, "forbidden": SIMULATED_FORBIDDEN}
 
-class Maze(NamedTuple):
+
+class Mice(NamedTuple):
     """Recordings and dynamics; reward and forbidden nodes are unknown, NaN, for real mice, for which `simulated` is False."""
 
     node: Int[np.ndarray, "R L"]
@@ -49,20 +52,20 @@ class Maze(NamedTuple):
     simulated: bool
 
 
-def load(options: LabyrinthOptions) -> Maze:
+def load(options: LabyrinthOptions) -> Mice:
     """The recordings, or simulated ones. Raises ValueError, one line with the file, for an array not as described."""
-    maze = _load(data_folder(options.data, "labyrinth"))
-    if not 1 <= options.horizon <= maze.node.shape[1]:
-        raise ValueError(f"env.horizon={options.horizon}: recordings have {maze.node.shape[1]} steps; choose 1 to that")
-    return maze
+    mice = _load(data_folder(options.data, "labyrinth"))
+    if not 1 <= options.horizon <= mice.node.shape[1]:
+        raise ValueError(f"env.horizon={options.horizon}: recordings have {mice.node.shape[1]} steps; choose 1 to that")
+    return mice
 
 
 @lru_cache(maxsize=2)
-def _load(folder: Path | None) -> Maze:
+def _load(folder: Path | None) -> Mice:
     return _simulated(0, constrained=True) if folder is None else _read(folder)
 
 
-def _read(folder: Path) -> Maze:
+def _read(folder: Path) -> Mice:
     emissions, probability = (_array(folder, name) for name in ("emissions.npy", "trans_probs.npy"))
     file = folder / "emissions.npy"
     if emissions.ndim != 3 or emissions.shape[2] != 2 or emissions.dtype.kind not in "iu":
@@ -78,7 +81,7 @@ def _read(folder: Path) -> Maze:
     if len(wrong):
         recording, step = wrong[0]
         raise ValueError(f"{file}: recording {recording}, step {step}: the next node is not where the action leads")
-    return Maze(node, action, successor, np.full(successor.shape, np.nan), np.full(NUM_NODES, np.nan), simulated=False)
+    return Mice(node, action, successor, np.full(successor.shape, np.nan), np.full(NUM_NODES, np.nan), simulated=False)
 
 
 def _array(folder: Path, name: str) -> np.ndarray:
@@ -99,7 +102,7 @@ def _tree() -> Int[np.ndarray, "X A"]:
     return np.concatenate([child, np.maximum((node[:, None] - 1) // 2, 0), node[:, None]], axis=1)
 
 
-def _simulated(seed: int, *, constrained: bool) -> Maze:
+def _simulated(seed: int, *, constrained: bool) -> Mice:
     """Mice that follow π(a|x) ∝ exp(r(x, a) + γ V(x')) from home, never into the forbidden node if constrained."""
     successor, node = _tree(), np.arange(NUM_NODES)[:, None]
     moved = successor != node
@@ -110,7 +113,7 @@ def _simulated(seed: int, *, constrained: bool) -> Maze:
     forbidden = (node[:, 0] == SIMULATED_FORBIDDEN).astype(float)
     barred = (forbidden[successor] > 0) & constrained
     policy = _soft_policy(successor, np.where(barred, -np.inf, reward))
-    return Maze(*_walk(policy, successor, seed), successor, reward, forbidden, simulated=True)
+    return Mice(*_walk(policy, successor, seed), successor, reward, forbidden, simulated=True)
 
 
 def _soft_policy(successor: Int[np.ndarray, "X A"], reward: Float[np.ndarray, "X A"]) -> Float[np.ndarray, "X A"]:
@@ -138,19 +141,19 @@ def _walk(
 
 def make_labyrinth(options: LabyrinthOptions) -> Env:
     """The maze as tables; simulated mice alone have a true reward and a forbidden node. ValueError as from `load`."""
-    maze = load(options)
-    start = np.bincount(_windows(maze.node, options)[:, 0], minlength=NUM_NODES).astype(float)
+    mice = load(options)
+    start = np.bincount(_windows(mice.node, options)[:, 0], minlength=NUM_NODES).astype(float)
     tables = (
-        np.eye(NUM_NODES)[maze.successor],
-        maze.reward,
-        maze.forbidden,
-        np.nan_to_num(maze.forbidden),
+        np.eye(NUM_NODES)[mice.successor],
+        mice.reward,
+        mice.forbidden,
+        np.nan_to_num(mice.forbidden),
         start / start.sum(),
         np.eye(NUM_NODES),
         np.zeros(NUM_NODES),
     )
     table = Tabular(*(jnp.asarray(array, jnp.float32) for array in tables))
-    successor = jnp.asarray(maze.successor)
+    successor = jnp.asarray(mice.successor)
 
     def reset(key: PRNGKeyArray) -> tuple[Int[Array, ""], Float[Array, " O"]]:
         state = jax.random.categorical(key, jnp.log(table.start))
@@ -161,18 +164,19 @@ def make_labyrinth(options: LabyrinthOptions) -> Env:
         return after, Step(table.obs[after], table.reward[state, action], table.cost[state], jnp.zeros(()))
 
     return Env(
-        name="labyrinth (simulated)" if maze.simulated else "labyrinth",
+        name="labyrinth (simulated)" if mice.simulated else "labyrinth",
         horizon=options.horizon,
         obs_size=NUM_NODES,
         action_space=Discrete(NUM_ACTIONS),
         reset=reset,
         step=step,
-        has_reward=maze.simulated,
+        has_reward=mice.simulated,
         tabular=table,
         recorded=Recorded(
-            demonstrations=lambda: demonstrations(options),
-            reference=(lambda: reference_set(options)) if maze.simulated else None,
+            demonstrations=lambda: demonstrations(options, options.split),
+            reference=(lambda: reference_set(options)) if mice.simulated else None,
         ),
+        maze=Maze(layout(), mice.successor, SIMULATED_MARKS if mice.simulated else MARKS),
     )
 
 
@@ -189,10 +193,10 @@ def demonstrations(options: LabyrinthOptions, split: Split = "all") -> dict[str,
     """
     if not 0 <= options.fold < FOLDS:
         raise ValueError(f"env.fold={options.fold}: choose 0 to {FOLDS - 1}")
-    maze = load(options)
-    held_out: Bool[np.ndarray, " R"] = np.arange(len(maze.node)) % FOLDS == options.fold
+    mice = load(options)
+    held_out: Bool[np.ndarray, " R"] = np.arange(len(mice.node)) % FOLDS == options.fold
     chosen = {"all": np.ones(len(held_out), bool), "train": np.logical_not(held_out), "held_out": held_out}[split]
-    return _arrays(maze._replace(node=maze.node[chosen], action=maze.action[chosen]), options)
+    return _arrays(mice._replace(node=mice.node[chosen], action=mice.action[chosen]), options)
 
 
 def reference_set(options: LabyrinthOptions) -> dict[str, np.ndarray]:
@@ -202,14 +206,14 @@ def reference_set(options: LabyrinthOptions) -> dict[str, np.ndarray]:
     return _arrays(_simulated(REFERENCE_SEED, constrained=False), options)
 
 
-def _arrays(maze: Maze, options: LabyrinthOptions) -> dict[str, np.ndarray]:
-    node, action = _windows(maze.node, options), _windows(maze.action, options)
+def _arrays(mice: Mice, options: LabyrinthOptions) -> dict[str, np.ndarray]:
+    node, action = _windows(mice.node, options), _windows(mice.action, options)
     return {
         "obs": np.eye(NUM_NODES, dtype=np.float32)[node],
         "action": action.astype(np.int32),
         "mask": np.ones(node.shape, np.float32),
-        "reward": maze.reward[node, action].astype(np.float32),
-        "cost": maze.forbidden[node].astype(np.float32),
+        "reward": mice.reward[node, action].astype(np.float32),
+        "cost": mice.forbidden[node].astype(np.float32),
     }
 
 

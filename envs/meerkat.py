@@ -12,10 +12,10 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from envs import mob
-from envs.base import Discrete, Env, Recorded, Step, Tabular
+from envs.base import Codes, Discrete, Env, Recorded, Step, Tabular
 from envs.data_source import data_folder
 from envs.mapping import Mapping, load_mapping
 from envs.options import MeerkatOptions
@@ -35,6 +35,7 @@ class Herd(NamedTuple):
 
     windows: Windows
     truth: mob.Truth | None
+    impossible: Bool[np.ndarray, "C C"]  # [from code, to code] that cameras and coding rule out
 
 
 def load(options: MeerkatOptions) -> Herd:
@@ -57,7 +58,18 @@ def _load(options: MeerkatOptions, folder: Path | None) -> Herd:
     tracks, mapping = _tracks(folder, options.mapping)
     windows = cut_windows(code_rows(tracks, mapping, options.coding, options.pups), tracks, options.horizon)
     known = folder is None and options.coding == "bout" and not options.pups and options.state == "code"
-    return Herd(windows, mob.truth() if known else None)
+    truth = mob.truth() if known else None
+    return Herd(windows, truth, _impossible(windows, mapping, options) if truth is None else truth.structural)
+
+
+def _impossible(windows: Windows, mapping: Mapping, options: MeerkatOptions) -> Bool[np.ndarray, "C C"]:
+    """Pairs of codes that no one camera sees, and two moves in a row, which are one bout."""
+    size, sites = len(windows.names), np.unique(windows.site)
+    seen = np.array([np.isin(np.arange(size), windows.code[windows.site == site]) for site in sites])
+    together = (seen[:, :, None] & seen[:, None, :]).any(axis=0)
+    moves = np.array([name == mapping.moving or name.startswith("moving to ") for name in windows.names])
+    two_moves = np.outer(moves, moves) & ~np.eye(size, dtype=bool) if options.coding == "bout" else np.zeros_like(together)
+    return ~together | two_moves
 
 
 def make_meerkat(options: MeerkatOptions) -> Env:
@@ -82,9 +94,10 @@ def make_meerkat(options: MeerkatOptions) -> Env:
         has_reward=herd.truth is not None,
         tabular=table,
         recorded=Recorded(
-            demonstrations=lambda: demonstrations(options),
+            demonstrations=lambda: demonstrations(options, options.split),
             reference=(lambda: reference_set(options)) if herd.truth is not None else None,
         ),
+        codes=Codes(herd.windows.names, herd.impossible) if options.state == "code" else None,
     )
 
 

@@ -79,6 +79,7 @@ class MeerkatOptions:
     state: Literal["code", "place"] = "code"  # place: the place and the counts of close and distant neighbours
     pups: bool = False  # also the animals whose behaviour was not annotated, with a code of their own
     horizon: int = 30  # steps of one row (1 s); Table 2
+    split: Literal["all", "train", "held_out"] = "all"  # of the recordings: what is learned from
     fold: int = 0  # which two recordings are held out of the split "train"
 
 
@@ -88,4 +89,5 @@ class LabyrinthOptions:
 
     data: str = "default"  # folder with emissions.npy and trans_probs.npy; as for MeerkatOptions
     horizon: int = 50  # steps from node to node: to the water port and back
+    split: Literal["all", "train", "held_out"] = "all"  # of the recordings: what is learned from
     fold: int = 0  # which tenth of the recordings is held out of the split "train"

@@ -1,0 +1,94 @@
+"""Causal links of generated and real animal trajectories (Figure 4), what drives the animals, and the contrast prior.
+
+`python -m experiments.figure4 data=DIR` trains the methods that are missing, each a cell under results/figure4/ that the
+next call skips, then writes report.md and the figures beside them; `data=simulated` does the same on the simulated mob,
+where the truth is known; `scale=smoke out=DIR` is a quick pass elsewhere. Bad input: one line and exit code 2.
+"""
+
+import shlex
+import sys
+from collections.abc import Sequence
+
+from aircl_jax import runtime
+
+runtime.prepare()  # before anything imports jax
+
+import matplotlib as mpl  # noqa: E402
+import numpy as np  # noqa: E402
+
+from aircl_jax import plots_causal, plots_codes  # noqa: E402
+from aircl_jax.causal import strongest  # noqa: E402
+from aircl_jax.plots_style import DPI, STYLE  # noqa: E402
+from envs import Codes  # noqa: E402
+from envs.data_source import VARIABLE  # noqa: E402
+from experiments import figure4_cells as cells  # noqa: E402
+from experiments import figure4_report as words  # noqa: E402
+from experiments.arguments import parse  # noqa: E402
+from experiments.figure4_cells import Settings, Study  # noqa: E402
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make what is missing, then the report; 0 done, 2 bad input, 130 interrupted."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    try:
+        settings = parse(arguments, Settings())
+        study = cells.read(settings)
+    except ValueError as error:
+        print(f"figure4: {error}", file=sys.stderr)
+        return 2
+    variable = "" if study.simulated or settings.data != "default" else f"{VARIABLE}=DIR "
+    command = variable + shlex.join(["python", "-m", "experiments.figure4", *arguments])
+    try:
+        for found in collect(settings, study):  # a report after every cell: what is finished can be read
+            write(settings, study, found, command)
+    except KeyboardInterrupt:
+        print("interrupted; the same command continues", file=sys.stderr)
+        return 130
+    print(study.folder / "report.md")
+    return 0
+
+
+def collect(settings: Settings, study: Study):
+    """What there is after each cell: the yardsticks, then every method, then the recordings held out."""
+    yardsticks = cells.kept(study.folder / "yardsticks.json", lambda: cells.yardstick_cell(settings, study))
+    found = words.Found(yardsticks, {}, {})
+    for method in cells.methods(study):
+        path = study.folder / f"{method}.json"
+        found.methods[method] = cells.kept(path, lambda method=method: cells.method_cell(settings, study, method))
+        yield found
+    folds = min(settings.folds, len(np.unique(study.herd.windows.recording)) // 2)
+    for method in cells.HELD_OUT:
+        for fold in range(folds):
+            path = study.folder / "held_out" / f"{method}_{fold}.json"
+            cell = cells.kept(path, lambda fold=fold, method=method: cells.held_out_cell(settings, study, method, fold))
+            found.held_out.setdefault(method, []).append(cell)
+        yield found
+
+
+def write(settings: Settings, study: Study, found: words.Found, command: str) -> None:
+    """report.md and the figures of what has been found so far."""
+    lag = str(settings.tau_max)
+    apart = {name: np.array(cell["difference_map"][lag]) for name, cell in found.methods.items()}
+    apart |= {name: np.array(values) for name, values in found.yardsticks[lag]["maps"].items()}
+    by_seed = {name: cell["difference"]["sampled"][lag] for name, cell in found.methods.items()}
+    with mpl.rc_context(STYLE):
+        figures = {
+            f"figure4_links_tau{lag}": plots_causal.link_maps(strongest(study.real[settings.tau_max]), apart),
+            f"figure4_differences_tau{lag}": plots_causal.differences(by_seed, words.named_yardsticks(found.yardsticks, lag)),
+        }
+        if found.held_out:
+            figures["held_out"] = plots_causal.held_out(words.fold_scores(found))
+        captions = {}
+        if words.SHOWN in found.methods:
+            recovered = cells.from_json(found.methods[words.SHOWN]["recovered"])
+            codes = Codes(study.herd.windows.names, study.herd.impossible)
+            title = f"{words.SHOWN} on {found.methods[words.SHOWN]['env']}, {len(recovered.reward)} seeds"
+            for drawing in plots_codes.draw(recovered, codes, title):
+                figures[drawing.name], captions[drawing.name] = drawing.figure, drawing.caption
+        for name, figure in figures.items():
+            figure.savefig(study.folder / f"{name}.png", dpi=DPI)
+    (study.folder / "report.md").write_text(words.report(settings, study, found, command, captions))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
