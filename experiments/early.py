@@ -83,9 +83,11 @@ def _finding(study: Study, env: str, method: str) -> Finding:
         if metric in printed and len(mean):
             words.append(f"{metric} {printed[metric][0]:.3f}: ours {passage(iterations, mean, printed[metric][0]).words}")
     close = near(cell, printed)
+    if not close:
+        return Finding(env, method, "; ".join(words) or "—", "cannot be told", "no curve of all that the paper prints")
     steps = [step for step, is_near in close.items() if is_near]
     span = f"near first at {steps[0]}, last at {steps[-1]}" if steps else "never near"
     measured = "; ".join([*words, f"{span}, of {cell['iterations']} iterations"])
-    at_end = bool(close) and close[max(close)]
+    at_end = close[max(close)]
     verdict: Verdict = "holds" if steps and not at_end else "does not hold"
     return told(Finding(env, method, measured, verdict, "near at the end" if at_end else ""), len(cell["seeds"]))

@@ -365,6 +365,11 @@ def test_stopped_early_means_near_the_papers_values_before_the_end_alone(rates, 
     assert found.verdict == verdict
 
 
+def test_a_cell_without_curves_tells_nothing_of_stopping_early(job):
+    found = early.findings(study(job, made(job) | {"curves": {"iteration": []}}))
+    assert {line.verdict for line in found} == {"cannot be told"}
+
+
 def test_without_cells_every_claim_says_that_they_are_missing(job):
     text = claims_report.markdown(study(job))
     verdicts = [line for line in text.splitlines() if line.endswith("** |")]
