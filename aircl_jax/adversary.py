@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax.config import Coefficients, TrainConfig
 from aircl_jax.feasibility import log_feasibility, log_sequence_feasibility, log_step_feasibility
 from aircl_jax.methods import Method
 from aircl_jax.networks import Networks
-from aircl_jax.types import Metrics, ObsStats, Params, Scores
+from aircl_jax.sampler import take
+from aircl_jax.types import Metrics, ObsStats, Params, Scores, Trajectory
 
 
 class Batches(NamedTuple):
@@ -156,34 +157,48 @@ def make_optimiser(config: TrainConfig) -> optax.GradientTransformation:
     return optax.adam(config.adversary.learning_rate)
 
 
-def score_all(nets: Networks, params: Params, stats: ObsStats, batches: Batches, log_pi: Batches) -> Batches:
-    """Scores of the four sets, each [N, …]."""
-    score = jax.vmap(nets.scores, (None, None, 0, 0))
-    return Batches(*(score(params, stats, one, one_log_pi) for one, one_log_pi in zip(batches, log_pi, strict=True)))
+def score_all(nets: Networks, params: Params, stats: ObsStats, batches: Batches) -> Batches:
+    """Scores of the four sets, each [N, …]; their `log_prob` is log π of the present policy."""
+    return Batches(*(jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, one, one.log_prob) for one in batches))
 
 
-def update(nets: Networks, params: Params, opt_state: Any, stats: ObsStats, batches: Batches) -> tuple[Params, Any, Metrics]:
+def minibatch(batches: Batches, size: int, key: PRNGKeyArray) -> Batches:
+    """`size` trajectories of each set, drawn without replacement; the set itself where it holds no more."""
+
+    def some(one: Trajectory, key: PRNGKeyArray) -> Trajectory:
+        number = one.mask.shape[0]
+        return one if number <= size else take(one, jax.random.permutation(key, number)[:size])
+
+    return Batches(*map(some, batches, jax.random.split(key, len(batches))))
+
+
+def update(
+    nets: Networks, params: Params, opt_state: Any, stats: ObsStats, batches: Batches, key: PRNGKeyArray
+) -> tuple[Params, Any, Metrics]:
     """Lines 5 and 6: `num_steps` Adam steps on the sum of the method's terms, θ and φ together; ω stands still."""
     method, config = nets.method, nets.config
     if not method.terms:
         return params, opt_state, {}
-    log_pi = Batches(*(jax.vmap(nets.log_pi, (None, None, 0))(params, stats, one) for one in batches))
     optimiser = make_optimiser(config)
+    size = max(1, config.adversary.minibatch_size // nets.env.horizon)
 
-    def loss(trainable: tuple) -> tuple[Array, Metrics]:
+    along = jax.vmap(nets.log_pi, (None, None, 0))
+    batches = Batches(*(one._replace(log_prob=along(params, stats, one)) for one in batches))
+
+    def loss(trainable: tuple, batches: Batches) -> tuple[Array, Metrics]:
         reward, feasibility = trainable
-        current = params._replace(reward=reward, feasibility=feasibility)
-        scores = score_all(nets, current, stats, batches, log_pi)
+        scores = score_all(nets, params._replace(reward=reward, feasibility=feasibility), stats, batches)
         values = {name: TERMS[name](method, config, config.coefficients, scores) for name in method.terms}
         return sum(values.values(), jnp.zeros(())), {f"loss_{name}": value for name, value in values.items()}
 
-    def one_step(carry: tuple, _: None) -> tuple[tuple, Metrics]:
+    def one_step(carry: tuple, key_step: PRNGKeyArray) -> tuple[tuple, Metrics]:
         trainable, opt_state = carry
-        grads, metrics = jax.grad(loss, has_aux=True)(trainable)
+        grads, metrics = jax.grad(loss, has_aux=True)(trainable, minibatch(batches, size, key_step))
         updates, opt_state = optimiser.update(grads, opt_state)
         return (optax.apply_updates(trainable, updates), opt_state), metrics
 
     start = ((params.reward, params.feasibility), opt_state)
-    ((reward, feasibility), opt_state), metrics = jax.lax.scan(one_step, start, length=config.adversary.num_steps)
+    keys = jax.random.split(key, config.adversary.num_steps)
+    ((reward, feasibility), opt_state), metrics = jax.lax.scan(one_step, start, keys)
     last = {name: value[-1] for name, value in metrics.items()}
     return params._replace(reward=reward, feasibility=feasibility), opt_state, last

@@ -18,6 +18,7 @@ class Coefficients:
     sampled_coef: float = 0.25  # m: weight of D_S beside D_E as feasible, in the corrected trajectory-level term
     sharpness: float = 6.0  # k of the corrected test
     threshold: float = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
+    false_alarms: float = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
     icrl_coef: float = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 
@@ -40,6 +41,7 @@ class PPOConfig:
 class AdversaryConfig:
     learning_rate: float = 5e-4  # Adam; Table 2
     num_steps: int = 4  # gradient steps on the reward and the feasibility per iteration
+    minibatch_size: int = 2500  # transitions of each set in a step, rounded to whole trajectories; all where there are fewer
     replay_rate: float = 0.02  # probability per iteration that a replay slot is overwritten
     sampler: Literal["resample", "reject"] = "resample"  # how D_S is drawn from D_P by δ̄
     trajectory_logit: Literal["sum", "mean"] = "sum"  # the literal rows' f(τ) and log π(τ) inside D; the paper's is the sum
@@ -65,7 +67,7 @@ class TrainConfig:
 
 
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
-_SWIMMER = TrainConfig(
+_ROBOT = TrainConfig(
     iterations=100,
     num_trajectories=50,
     num_demonstrations=50,
@@ -73,9 +75,16 @@ _SWIMMER = TrainConfig(
     chunk=10,
     ppo=PPOConfig(num_epochs=10, minibatch_size=2500),
 )
+_PENDULUM = replace(_ROBOT, ppo=replace(_ROBOT.ppo, minibatch_size=1000), adversary=AdversaryConfig(minibatch_size=1000))
 
 # The paper's Table 2: what its own rows run with.
-PAPER: dict[str, TrainConfig] = {"gridworld": _GRID, "nonmarkov": _GRID, "swimmer": _SWIMMER}
+PAPER: dict[str, TrainConfig] = {
+    "gridworld": _GRID,
+    "nonmarkov": _GRID,
+    "swimmer": _ROBOT,
+    "walker": _ROBOT,
+    "pendulum": _PENDULUM,
+}
 
 _TUNED_GRID = replace(
     _GRID,
@@ -83,14 +92,24 @@ _TUNED_GRID = replace(
     ppo=replace(_GRID.ppo, num_epochs=2, learning_rate=1e-3, clip_eps=0.2),
     adversary=AdversaryConfig(learning_rate=1e-3),
 )
-_TUNED_SWIMMER = replace(
-    _SWIMMER,
-    ppo=replace(_SWIMMER.ppo, num_epochs=4, learning_rate=1e-3, clip_eps=0.2, log_std_init=-1.2),
-    adversary=AdversaryConfig(num_steps=8, learning_rate=2e-3),
-)
+
+
+def _tuned_robot(row: TrainConfig) -> TrainConfig:
+    return replace(
+        row,
+        ppo=replace(row.ppo, num_epochs=4, learning_rate=1e-3, clip_eps=0.2, log_std_init=-1.2),
+        adversary=replace(row.adversary, num_steps=8, learning_rate=2e-3),
+    )
+
 
 # What the centred and corrected rows run with.
-TUNED: dict[str, TrainConfig] = {"gridworld": _TUNED_GRID, "nonmarkov": _TUNED_GRID, "swimmer": _TUNED_SWIMMER}
+TUNED: dict[str, TrainConfig] = {
+    "gridworld": _TUNED_GRID,
+    "nonmarkov": _TUNED_GRID,
+    "swimmer": _tuned_robot(_ROBOT),
+    "walker": _tuned_robot(_ROBOT),
+    "pendulum": _tuned_robot(_PENDULUM),
+}
 
 
 def default_config(env_name: str, settings: Literal["paper", "tuned"]) -> TrainConfig:

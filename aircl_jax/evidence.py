@@ -91,7 +91,7 @@ def _grid_maps(
 
     def maps(obs: Float[Array, " O"], action: Array) -> tuple[Array, Array]:
         logit = nets.step_logit(params.feasibility, stats, obs, action)
-        scores = Scores(jnp.zeros(1), jnp.zeros(1), logit[None], jnp.zeros(()), jnp.ones(1))
+        scores = Scores(jnp.zeros(1), jnp.zeros(1), logit[None], jnp.zeros(()), jnp.ones(1), params.thresholds)
         log_step = log_step_feasibility(nets.method, nets.config.coefficients, scores)
         return nets.reward(params.reward, stats, obs, action), jnp.exp(log_step[0])
 

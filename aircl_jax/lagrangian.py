@@ -15,7 +15,7 @@ from aircl_jax.expert_config import LagrangianConfig
 from aircl_jax.methods import Method
 from aircl_jax.networks import Networks, make_networks, project_log_std
 from aircl_jax.rollout import rollouts
-from aircl_jax.types import Metrics, ObsStats, Params, Trajectory
+from aircl_jax.types import Metrics, ObsStats, Params, Thresholds, Trajectory
 from envs import Env, Step
 
 RESTART = -1.0  # cost of the step that puts a fallen body back on its feet: no step of the task, and masked
@@ -160,7 +160,7 @@ def observation_stats(state: LagrangianState) -> ObsStats:
 
 
 def acting_params(state: LagrangianState) -> Params:
-    return Params(state.policy, state.value, reward=None, feasibility=None)
+    return Params(state.policy, state.value, reward=None, feasibility=None, thresholds=Thresholds(jnp.zeros(()), jnp.zeros(())))
 
 
 def lagrangian_advantage(

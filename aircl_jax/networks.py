@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.config import PPOConfig, TrainConfig
 from aircl_jax.methods import Method
-from aircl_jax.types import ObsStats, Params, Scores, Trajectory
+from aircl_jax.types import ObsStats, Params, Scores, Thresholds, Trajectory
 from envs import Box, Discrete, Env
 
 OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
@@ -137,6 +137,7 @@ class Networks:
             value=self.value_net.init(key_value, acting),
             reward=self.reward_net.init(key_reward, jnp.zeros(self.reward_size)),
             feasibility=feasibility,
+            thresholds=Thresholds(*[jnp.log(self.config.coefficients.threshold)] * 2),
         )
 
     @property
@@ -221,6 +222,7 @@ class Networks:
             step_logit=jax.vmap(self.step_logit, (None, None, 0, 0))(params.feasibility, stats, *along),
             sequence_logit=self.sequence_logit(params.feasibility, stats, *along, trajectory.mask),
             mask=trajectory.mask,
+            thresholds=params.thresholds,
         )
 
 

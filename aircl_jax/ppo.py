@@ -44,7 +44,13 @@ def clipped_surrogate(
 
 
 def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
-    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(config.learning_rate, eps=1e-5))
+    """Adam on a tuple of networks; each one's gradient is clipped by its own norm, so that no critic mutes the policy."""
+    clip = optax.clip_by_global_norm(config.max_grad_norm)
+
+    def clip_each(grads: Any, _: Any = None) -> Any:
+        return tuple(clip.update(one, optax.EmptyState())[0] for one in grads)
+
+    return optax.chain(optax.stateless(clip_each), optax.adam(config.learning_rate, eps=1e-5))
 
 
 class Batch(NamedTuple):

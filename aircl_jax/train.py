@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from aircl_jax import adversary, cloning, ppo
 from aircl_jax.adversary import Batches
 from aircl_jax.config import TrainConfig
-from aircl_jax.feasibility import log_feasibility
+from aircl_jax.feasibility import calibrate, log_feasibility
 from aircl_jax.methods import Method
 from aircl_jax.metrics import step_metrics
 from aircl_jax.networks import Networks, make_networks
@@ -52,7 +52,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         )
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
-        key, key_rollout, key_sampler, key_replay, key_policy = jax.random.split(state.key, 5)
+        key, key_rollout, key_sampler, key_adversary, key_policy, key_replay = jax.random.split(state.key, 6)
         params, stats = state.params, state.obs_stats
 
         policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4: D_P
@@ -62,8 +62,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         recent = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
         batches = Batches(expert, sampled, recent, replay=state.replay)
         params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6
-            nets, params, state.adversary_opt, stats, batches
+            nets, params, state.adversary_opt, stats, batches, key_adversary
         )
+        params = calibrated(nets, params, stats, expert)
         if method.learner == "cloning":
             params, ppo_opt, policy_metrics = cloning.update(nets, params, state.ppo_opt, stats, expert, config.ppo)
         else:
@@ -97,6 +98,14 @@ def trajectory_feasibility(nets: Networks, params: Params, stats: ObsStats, poli
     """log δ̄(τ) of each trajectory."""
     scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, policy, policy.log_prob)
     return log_feasibility(nets.method, nets.config.coefficients, scores)
+
+
+def calibrated(nets: Networks, params: Params, stats: ObsStats, expert: Trajectory) -> Params:
+    """The parameters with the thresholds of δ̄ that D_E asks for."""
+    if nets.method.test == "sigmoid":
+        return params
+    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, expert, expert.log_prob)
+    return params._replace(thresholds=calibrate(nets.config.coefficients, scores))
 
 
 def draw(nets: Networks, policy: Trajectory, log_delta: Float[Array, " P"], key: PRNGKeyArray) -> Trajectory:

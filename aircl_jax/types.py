@@ -30,13 +30,21 @@ class ObsStats(NamedTuple):
     std: Float[Array, " O"]
 
 
+class Thresholds(NamedTuple):
+    """log ϑ of the corrected tests: the log density ratio below which a step or a trajectory is infeasible."""
+
+    step: Float[Array, "*N"]
+    sequence: Float[Array, "*N"]
+
+
 class Params(NamedTuple):
-    """The four networks' parameters (flax dictionaries)."""
+    """The four networks' parameters (flax dictionaries), and the thresholds of δ̄ that follow from them and D_E."""
 
     policy: Any  # π_ω
     value: Any  # V
     reward: Any  # f_θ
     feasibility: Any  # δ̄_φ
+    thresholds: Thresholds
 
 
 class TrainState(NamedTuple):
@@ -59,3 +67,4 @@ class Scores(NamedTuple):
     step_logit: Float[Array, "*N T"]  # logit of the per-step feasibility; 0 where the method has none
     sequence_logit: Float[Array, "*N"]  # logit of the trajectory-level feasibility; 0 where the method has none
     mask: Float[Array, "*N T"]
+    thresholds: Thresholds

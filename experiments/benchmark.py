@@ -98,7 +98,7 @@ def parts(settings: Settings) -> dict[str, str]:
     (reward, bonus), relabelling = _timed(lambda one: policy_reward(nets, params, stats, expert, one), policy)
     _, judging = _timed(
         lambda one: adversary.update(
-            nets, params, state.adversary_opt, stats, Batches(expert, one, state.replay, state.replay)
+            nets, params, state.adversary_opt, stats, Batches(expert, one, state.replay, state.replay), state.key
         ),
         head,
     )

@@ -38,8 +38,7 @@ class Setting:
 
     def scores(self, theta, phi):
         params = self.params._replace(reward=self.unravel_theta(theta), feasibility=self.unravel_phi(phi))
-        log_pi = Batches(*(one.log_prob for one in self.batches))
-        return score_all(self.nets, params, self.stats, self.batches, log_pi)
+        return score_all(self.nets, params, self.stats, self.batches)
 
     def grad(self, name, argnums):
         def loss(theta, phi):

@@ -11,7 +11,7 @@ from tiny import TINY, naive, random_batches, random_scores
 
 from aircl_jax.adversary import TERMS, Batches, judge, trajectory_logit
 from aircl_jax.config import AdversaryConfig, Coefficients
-from aircl_jax.feasibility import RATIO_FLOOR, log_feasibility, log_step_feasibility
+from aircl_jax.feasibility import RATIO_FLOOR, calibrate, log_feasibility, log_step_feasibility
 from aircl_jax.methods import METHODS
 from aircl_jax.types import Scores
 
@@ -180,7 +180,9 @@ def test_step_ratio_term_is_stationary_at_log_expert_over_policy():
     def loss(z):
         def scores(states):
             zeros = jnp.zeros(states.shape)
-            return Scores(zeros, zeros, z[states], jnp.zeros(len(states)), jnp.ones(states.shape))
+            return Scores(
+                zeros, zeros, z[states], jnp.zeros(len(states)), jnp.ones(states.shape), random_scores(0, 1).thresholds
+            )
 
         policy = scores(policy_states)
         return term("step_ratio", "aircl_corrected", Batches(scores(expert_states), policy, policy, policy))
@@ -218,6 +220,24 @@ def test_corrected_feasibility_is_the_sequence_factor_times_the_least_step_facto
     expected = sharpened(one.sequence_logit) * masked(sharpened(one.step_logit), scores, np.min)
     log_delta = log_feasibility(METHODS["aircl_corrected"], COEFFICIENTS, scores)
     np.testing.assert_allclose(jnp.exp(log_delta), expected, rtol=1e-10)
+
+
+def test_thresholds_are_lowered_until_the_demonstrations_pass():
+    expert = random_scores(0, 100)
+    shifted = expert._replace(step_logit=expert.step_logit - 5.0)
+    thresholds = calibrate(COEFFICIENTS, shifted)
+    assert thresholds.sequence == calibrate(COEFFICIENTS, expert).sequence  # each test has its own
+    passed = log_feasibility(METHODS["aircl_corrected_sa"], COEFFICIENTS, shifted._replace(thresholds=thresholds))
+    least = np.where(naive(shifted).mask > 0, naive(shifted).step_logit, np.inf).min(axis=1)
+    lowered = np.quantile(least, COEFFICIENTS.false_alarms) - 3.0 / COEFFICIENTS.sharpness
+    np.testing.assert_allclose(thresholds.step, lowered, rtol=1e-10)
+    assert (np.exp(passed) >= 0.95).mean() == 0.95
+
+
+def test_thresholds_stay_where_the_demonstrations_pass_anyway():
+    expert = random_scores(0, 100)
+    clear = expert._replace(step_logit=jnp.abs(expert.step_logit), sequence_logit=jnp.zeros(100))
+    np.testing.assert_allclose(calibrate(COEFFICIENTS, clear), np.log(COEFFICIENTS.threshold), rtol=1e-10)
 
 
 def test_icrl_term_is_the_log_likelihood_and_its_regulariser():

@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Array
 
 from aircl_jax.adversary import Batches
-from aircl_jax.config import AdversaryConfig, PPOConfig, TrainConfig
+from aircl_jax.config import AdversaryConfig, Coefficients, PPOConfig, TrainConfig
 from aircl_jax.methods import METHODS, Method
 from aircl_jax.networks import Networks, make_networks
 from aircl_jax.train import make_trainer
-from aircl_jax.types import ObsStats, Params, Scores, Trajectory
+from aircl_jax.types import ObsStats, Params, Scores, Thresholds, Trajectory
 from envs import Discrete, Env, Step, Tabular, make_env
 
 TINY = TrainConfig(
@@ -52,6 +52,7 @@ def random_scores(seed: int, number: int, horizon: int = 4) -> Scores:
         step_logit=jnp.asarray(random.normal(size=shape)),
         sequence_logit=jnp.asarray(random.normal(size=number)),
         mask=jnp.asarray((np.arange(horizon) < lengths[:, None]).astype(float)),
+        thresholds=Thresholds(*[jnp.full(number, jnp.log(Coefficients().threshold))] * 2),
     )
 
 
@@ -61,7 +62,7 @@ def random_batches() -> Batches:
 
 def naive(scores: Scores) -> Scores:
     """The same numbers as float64 numpy."""
-    return Scores(*(np.asarray(leaf, np.float64) for leaf in scores))  # pyright: ignore[reportArgumentType]
+    return jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), scores)  # pyright: ignore[reportArgumentType]
 
 
 def one_state_env(
