@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Shaped
 from aircl_jax import experts, report, runs
 from aircl_jax.alarms import alarms
 from aircl_jax.config import TrainConfig
-from aircl_jax.feasibility import log_feasibility
+from aircl_jax.feasibility import log_feasibility, log_step_feasibility
 from aircl_jax.metrics import evaluate as evaluate_seed
 from aircl_jax.networks import Networks, make_networks
 from aircl_jax.plan import Plan, make_plan, planned
@@ -54,6 +54,12 @@ class Result:
         state = self.state(index)
         scores = self.networks.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
         return jnp.exp(log_feasibility(self.networks.method, self.networks.config.coefficients, scores))
+
+    def step_feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, " T"]:
+        """The learned δ₁ of each step of one trajectory; 1 where the method has no such factor."""
+        state = self.state(index)
+        scores = self.networks.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
+        return jnp.exp(log_step_feasibility(self.networks.method, self.networks.config.coefficients, scores))
 
     def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
         """The learned π_ω(·|s_t), a distrax distribution over actions."""

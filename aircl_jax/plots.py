@@ -35,6 +35,12 @@ def draw(result: Result) -> Iterator[Drawing]:
     yield plots_curves.losses(result)
 
 
+def figures(result: Result) -> dict[str, Drawing]:
+    """Every figure by its name, for a notebook."""
+    with mpl.rc_context(STYLE):
+        return {drawing.name: drawing for drawing in draw(result)}
+
+
 def write_figures(result: Result, directory: Path) -> list[tuple[Path, str]]:
     """Draw into the directory; the files with their captions."""
     directory.mkdir(exist_ok=True)

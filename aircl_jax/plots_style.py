@@ -1,7 +1,9 @@
 """What the figures of a run share: colours for colour-blind readers (Okabe & Ito 2008), sizes, a figure with its caption."""
 
+import io
 from typing import Any, NamedTuple
 
+import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.typing import RcKeyType
 
@@ -9,6 +11,7 @@ from aircl_jax.api import Result
 
 BLUE, ORANGE, GREEN, PURPLE, BLACK, GREY = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#222222", "#8a8a8a"
 DPI = 200
+NOTEBOOK_DPI = 110
 STYLE: dict[RcKeyType, Any] = {
     "font.size": 7,
     "axes.titlesize": 7.5,
@@ -30,6 +33,13 @@ class Drawing(NamedTuple):
     name: str
     figure: Figure
     caption: str
+
+    def _repr_png_(self) -> bytes:
+        """The figure, as a notebook shows it."""
+        picture = io.BytesIO()
+        with mpl.rc_context(STYLE):
+            self.figure.savefig(picture, dpi=NOTEBOOK_DPI, format="png")
+        return picture.getvalue()
 
 
 def over_seeds(result: Result) -> str:

@@ -5,13 +5,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from aircl_jax.api import Result
 from aircl_jax.evidence import KEY_FIGURES
-from aircl_jax.feasibility import log_feasibility, log_step_feasibility
 from aircl_jax.networks import Networks
 from aircl_jax.poses import Body, Stage, links, make_body, positions, unobserved
 from aircl_jax.rollout import rollouts
@@ -73,9 +71,9 @@ def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
     quantity, state = QUANTITIES.get(constraint.violated), result.state(index)
     demonstrations = jax.tree.map(lambda leaf: leaf[index, :episodes], result.expert)
     fresh = jax.jit(partial(_roll_out, result.networks, len(demonstrations.mask)))(state)
-    judge = jax.jit(jax.vmap(partial(_judge, result.networks), (None, 0)))
+    judge = jax.jit(jax.vmap(lambda one: (result.step_feasibility(one, index), result.feasibility(one, index))))
     expert, learned = (
-        _side(name, result, body, constraint, trajectories, judge(state, trajectories))
+        _side(name, result, body, constraint, trajectories, judge(trajectories))
         for name, trajectories in (("expert", demonstrations), ("learned", fresh))
     )
     limit = _limit(constraint, settings)
@@ -94,13 +92,6 @@ def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
 def _roll_out(nets: Networks, number: int, state: TrainState) -> Trajectory:
     key = jax.random.fold_in(jax.random.fold_in(state.key, KEY_FIGURES), state.step)
     return rollouts(nets.env, nets, state.params, state.obs_stats, key, number)
-
-
-def _judge(nets: Networks, state: TrainState, trajectory: Trajectory) -> tuple[Float[Array, " T"], Float[Array, ""]]:
-    """δ₁ of each step, and δ̄."""
-    scores = nets.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
-    method, coefficients = nets.method, nets.config.coefficients
-    return jnp.exp(log_step_feasibility(method, coefficients, scores)), jnp.exp(log_feasibility(method, coefficients, scores))
 
 
 def _side(

@@ -79,6 +79,11 @@ def test_a_grid_run_leaves_every_figure_with_a_caption_that_names_method_env_and
         assert re.search(r"2 seeds|seed 0", caption)
 
 
+def test_a_notebook_shows_a_figure_as_a_picture():
+    drawing = plots.figures(untrained("aircl_corrected"))["occupancy"]
+    assert drawing._repr_png_().startswith(b"\x89PNG")
+
+
 def test_a_run_without_a_feasibility_draws_none(monkeypatch):
     full, airl = untrained("aircl_corrected"), get_method("airl")
     plan = replace(full.plan, method=airl)

@@ -182,6 +182,8 @@ def test_a_scene_is_that_of_the_seed_asked_for(scene, result):
     assert scene.note == ""  # everything is observed
     first = jax.tree.map(lambda leaf: leaf[1, 0], result.expert)
     assert scene.expert.feasibility[0] == pytest.approx(float(result.feasibility(first, index=1)), abs=1e-5)
+    assert scene.expert.delta is not None
+    np.testing.assert_allclose(scene.expert.delta[0], result.step_feasibility(first, index=1), atol=1e-5)
     assert len(scene.expert.length) == len(scene.learned.length) == 2  # as many as there are demonstrations
 
 
