@@ -36,6 +36,7 @@ from envs.options import MeerkatOptions
 METHODS = ("airl", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
 GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the simulated mob
 HELD_OUT = ("aircl_corrected", "airl", "bc")
+LEARNING_RATES = {"bc": 3e-3}  # where it is not the row's own: cloning takes few steps, each on all windows
 LAGS = (1, 5)  # τ_max of the analyses
 POOL = 4  # episodes of π for each window that is drawn from them by δ̄
 SMOOTHINGS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # pseudo-counts that cross-validation chooses from
@@ -57,12 +58,16 @@ class Settings:
         return MeerkatOptions(data=self.data, mapping=self.mapping)
 
     @property
-    def training(self) -> dict[str, Any]:
-        """What a smoke pass changes of a method's own settings."""
+    def iterations(self) -> int | Literal["default"]:
+        return "default" if self.scale == "full" else 2
+
+    def training(self, method: str) -> dict[str, Any]:
+        """What is changed of a method's own settings."""
+        rate = {"learning_rate": LEARNING_RATES[method]} if method in LEARNING_RATES else {}
         if self.scale == "full":
-            return {}
-        few = {"num_trajectories": 10, "num_evaluation": 8, "iterations": 2, "chunk": 2}
-        return few | {"adversary": {"num_steps": 1}, "ppo": {"num_epochs": 1}}
+            return {"ppo": rate}
+        few = {"num_trajectories": 10, "num_evaluation": 8, "chunk": 2}
+        return few | {"adversary": {"num_steps": 1}, "ppo": {"num_epochs": 1} | rate}
 
 
 class Study(NamedTuple):
@@ -111,21 +116,20 @@ def methods(study: Study) -> tuple[str, ...]:
 
 def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]:
     """Train a method on all windows: |ΔV| of q and of π by seed, mean maps, the learned functions, learning curves."""
-    changes = {name: value for name, value in settings.training.items() if name != "iterations"}
     result = train(
         "meerkat",
         method,
         seeds=settings.seeds,
-        iterations=settings.training.get("iterations", "default"),
+        iterations=settings.iterations,
         env_settings={"data": settings.data, "mapping": settings.mapping},
-        config=changes,
+        config=settings.training(method),
     )
     windows = generate(result, len(study.codes))
     found = {name: _compared(study, codes) for name, codes in windows.items()}
     table = cast(Tabular, result.plan.env.tabular)
     return {
         **result.summary,
-        "command": f"python -m experiments.run env=meerkat env.data=… method={method} seeds={settings.seeds}",
+        "command": _command(settings, study, method),
         "commit": study.commit,
         "alarms": result.alarms,
         "windows": len(study.codes),
@@ -190,15 +194,14 @@ def yardstick_cell(settings: Settings, study: Study) -> dict[str, Any]:
 
 def held_out_cell(settings: Settings, study: Study, method: str, fold: int) -> dict[str, Any]:
     """Mean log P(next code) of two recordings under the policy that was trained on the others, and under a Markov chain."""
-    changes = {name: value for name, value in settings.training.items() if name != "iterations"}
     where = {"data": settings.data, "mapping": settings.mapping, "split": "train", "fold": fold}
     result = train(
         "meerkat",
         method,
         seeds=1,
-        iterations=settings.training.get("iterations", "default"),
+        iterations=settings.iterations,
         env_settings=where,
-        config=changes,
+        config=settings.training(method),
     )
     table = cast(Tabular, result.plan.env.tabular)
     options = MeerkatOptions(data=settings.data, mapping=settings.mapping, fold=fold)
@@ -237,6 +240,13 @@ def smoothed_chain(study: Study, held_out: Sequence[str]) -> tuple[float, Float[
 
     best = max(SMOOTHINGS, key=score)
     return best, markov_chain(windows.code[np.isin(windows.recording, names)], study.num_codes, best)[1]
+
+
+def _command(settings: Settings, study: Study, method: str) -> str:
+    """The run that trains the same."""
+    data = "env.data=simulated" if study.simulated else "env.data=DIR"
+    rate = f" train.ppo.learning_rate={LEARNING_RATES[method]}" if method in LEARNING_RATES else ""
+    return f"python -m experiments.run env=meerkat {data} method={method} seeds={settings.seeds}{rate}"
 
 
 def as_json(recovered: Recovered) -> dict[str, Any]:

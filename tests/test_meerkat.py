@@ -209,6 +209,22 @@ def test_the_contrast_prior_is_refused_a_reward_that_nobody_knows():
         train("meerkat", "gacl", contrast_prior="on", env_settings=settings)
 
 
+@pytest.mark.parametrize("coding", ["bout", "step"])
+@pytest.mark.parametrize("data", ["simulated", pytest.param(DATA, marks=needs_data, id="real")])
+def test_no_change_that_cameras_or_coding_rule_out_was_ever_recorded(data, coding):
+    herd = load(MeerkatOptions(data=data, coding=coding))
+    changes = herd.windows.code[:, :-1], herd.windows.code[:, 1:]
+    assert herd.impossible.any()
+    assert not herd.impossible[changes].any()
+
+
+def test_the_split_of_the_settings_is_what_a_run_learns_from():
+    for split in ("train", "held_out"):
+        env = make_env("meerkat", data="simulated", split=split)
+        assert env.recorded is not None
+        np.testing.assert_array_equal(env.recorded.demonstrations()["obs"], demonstrations(SIMULATED, split)["obs"])
+
+
 @needs_data
 def test_the_real_windows_have_no_reward_and_both_cameras_in_every_fold():
     env, options = make_env("meerkat", data=DATA), MeerkatOptions(data=DATA)
