@@ -45,7 +45,8 @@ MEANINGS = {
 def statistics(per_seed: Sequence[Any] | np.ndarray) -> dict[str, Any]:
     """Mean, standard deviation and every seed; undefined as soon as one seed is."""
     values = np.asarray(per_seed, np.float64)
-    mean, std = numbers([values.mean(), values.std(ddof=1) if len(values) > 1 else np.nan])
+    with np.errstate(invalid="ignore"):  # of undefined seeds
+        mean, std = numbers([values.mean(), values.std(ddof=1) if len(values) > 1 else np.nan])
     return {"mean": mean, "std": std, "per_seed": numbers(values)}
 
 

@@ -7,7 +7,7 @@ where the truth is known; `scale=smoke out=DIR` is a quick pass elsewhere. Bad i
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from aircl_jax import runtime
 
@@ -33,13 +33,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         settings = parse(arguments, Settings())
         study = cells.read(settings)
+        methods = cells.methods(settings, study)
     except ValueError as error:
         print(f"figure4: {error}", file=sys.stderr)
         return 2
     variable = "" if study.simulated or settings.data != "default" else f"{VARIABLE}=DIR "
     command = variable + shlex.join(["python", "-m", "experiments.figure4", *arguments])
     try:
-        for found in collect(settings, study):  # a report after every cell: what is finished can be read
+        for found in collect(settings, study, methods):  # a report after every cell: what is finished can be read
             write(settings, study, found, command)
     except KeyboardInterrupt:
         print("interrupted; the same command continues", file=sys.stderr)
@@ -48,16 +49,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def collect(settings: Settings, study: Study):
+def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterator[words.Found]:
     """What there is after each cell: the yardsticks, then every method, then the recordings held out."""
     yardsticks = cells.kept(study.folder / "yardsticks.json", lambda: cells.yardstick_cell(settings, study))
     found = words.Found(yardsticks, {}, {})
-    for method in cells.methods(study):
+    for method in methods:
         path = study.folder / f"{method}.json"
         found.methods[method] = cells.kept(path, lambda method=method: cells.method_cell(settings, study, method))
         yield found
     folds = min(settings.folds, len(np.unique(study.herd.windows.recording)) // 2)
-    for method in cells.HELD_OUT:
+    for method in (method for method in cells.HELD_OUT if method in methods):
         for fold in range(folds):
             path = study.folder / "held_out" / f"{method}_{fold}.json"
             cell = cells.kept(path, lambda fold=fold, method=method: cells.held_out_cell(settings, study, method, fold))

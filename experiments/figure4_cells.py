@@ -47,6 +47,7 @@ KEY_WINDOWS = 4  # folded into a state's key: other episodes than training's or 
 class Settings:
     data: str = "default"  # folder of tables, simulated, or default: that of the variable AIRCL_DATA
     mapping: str = "meerkat"
+    methods: str = "all"  # or some of them, with commas between
     seeds: int = 10
     tau_max: Literal[1, 5] = 1  # 5: the strongest of the lags 1 to 5
     folds: int = 9  # of the leave-two-recordings-out, as many as there are; 0 for none
@@ -110,8 +111,16 @@ def kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     return json.loads(path.read_text())
 
 
-def methods(study: Study) -> tuple[str, ...]:
-    return METHODS + (GIVEN_REWARD if study.simulated else ())
+def methods(settings: Settings, study: Study) -> tuple[str, ...]:
+    """The methods asked for, in the order of the table. ValueError for one that is not of it."""
+    table = METHODS + (GIVEN_REWARD if study.simulated else ())
+    if settings.methods == "all":
+        return table
+    asked = settings.methods.split(",")
+    for name in asked:
+        if name not in table:
+            raise ValueError(f"unknown method {name!r} in methods; choose from all, {', '.join(table)}")
+    return tuple(name for name in table if name in asked)
 
 
 def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]:

@@ -65,6 +65,7 @@ def test_what_was_recovered_is_read_back_from_a_cell_undefined_included():
     ("arguments", "words"),
     [
         (["colour=red"], "unknown setting colour; choose from data"),
+        (["methods=airl,gail", "data=simulated"], "unknown method 'gail' in methods; choose from all, airl"),
         (["tau_max=3"], "tau_max=3 is not one of 1, 5"),
         (["data=nowhere"], "env.data=nowhere: no such folder"),
     ],
