@@ -37,33 +37,33 @@ def ranked_activities(recovered: Recovered, codes: Codes, title: str) -> Drawing
     figure = Figure(figsize=(3.8, 0.4 + 0.17 * len(shown)), layout="constrained")
     axis = figure.subplots()
     height = np.arange(len(shown))
-    axis.hlines(height, values.mean(axis=0)[order], 0, color=GREY, lw=0.8, zorder=1)
+    axis.grid(axis="y", lw=0.3, color=GREY, zorder=1)
     axis.plot(values[:, order].T, np.repeat(height[:, None], len(values), 1), "o", color=BLUE, ms=2, alpha=0.35, zorder=2)
     axis.plot(values.mean(axis=0)[order], height, "o", color=BLACK, ms=3.2, zorder=3)
-    axis.axvline(0, color=BLACK, lw=0.6)
     axis.set_yticks(height, [f"{codes.names[shown[i]]} ({begun[shown[i]]})" for i in order], fontsize=6)
-    axis.set_xlabel("reward of beginning it (0: the average step)")
+    axis.set_xlabel("reward of beginning it")
     axis.set_ylim(-0.7, len(shown) - 0.3)
     return Drawing(
         "activities",
         figure,
-        f"Activities by the recovered reward of beginning them, {title}: mean over seeds black, seeds blue; in brackets how "
-        f"often each begins in the recordings.{_agreement(values)}",
+        f"Activities by the recovered reward of beginning them, {title}: mean over seeds black, seeds blue, 0 the average "
+        f"step; in brackets how often each begins in the recordings.{_agreement(values)}",
     )
 
 
 def reward_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
     """f of the pairs that the recordings hold; the others have no evidence but absence."""
     mean = np.where(recovered.seen > 0, recovered.reward.mean(axis=0), np.nan)
-    bound = float(np.nanmax(np.abs(mean)))
-    style = {"cmap": mpl.colormaps["RdBu"].with_extremes(bad=PALE), "vmin": -bound, "vmax": bound}
-    figure, _ = code_map(mean, codes.names, "reward (0: the average second)", style)
+    changed = mean[changes(recovered.seen) > 0]
+    colours = mpl.colormaps["YlGnBu"].with_extremes(bad=PALE)
+    style = {"cmap": colours, "vmin": float(changed.min()), "vmax": float(changed.max())}
+    figure, _ = code_map(mean, codes.names, "reward (0: the average step)", style, extend="max")
     ranked = recovered.reward[:, changes(recovered.seen) >= LEAST_SEEN]
     return Drawing(
         "reward_by_change",
         figure,
-        f"Recovered reward of every change that the recordings hold (grey: none), mean over seeds, {title}."
-        f"{_agreement(ranked)}",
+        f"Recovered reward of every change that the recordings hold (grey: none), mean over seeds, {title}; "
+        f"the colours are those of changes, going on with an activity lies beyond.{_agreement(ranked)}",
     )
 
 
@@ -84,12 +84,14 @@ def feasibility_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
     )
 
 
-def code_map(values: Float[np.ndarray, "C C"], names: Sequence[str], label: str, style: dict[str, Any]) -> tuple[Figure, Axes]:
+def code_map(
+    values: Float[np.ndarray, "C C"], names: Sequence[str], label: str, style: dict[str, Any], extend: str = "neither"
+) -> tuple[Figure, Axes]:
     """A map from code to code with the names beside it and a colour bar."""
     figure = Figure(figsize=(5.6, 4.3), layout="constrained")
     axis = figure.subplots()
     image = axis.imshow(values, interpolation="nearest", **style)
-    figure.colorbar(image, label=label, shrink=0.85)
+    figure.colorbar(image, label=label, shrink=0.85, extend=extend)
     axis.set_xticks(range(len(names)), [str(code) for code in range(len(names))], fontsize=SMALL)
     axis.set_yticks(range(len(names)), [f"{name}  {code}" for code, name in enumerate(names)], fontsize=SMALL)
     axis.set(xlabel="to", ylabel="from")

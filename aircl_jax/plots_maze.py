@@ -82,7 +82,7 @@ def _nodes(axis: Axes, maze: Maze, values: Float[np.ndarray, " X"], colours: str
         axis.annotate(
             name,
             maze.position[node],
-            xytext=(7, 9),
+            xytext=(8, 8),
             textcoords="offset points",
             fontsize=6.5,
             weight="bold",

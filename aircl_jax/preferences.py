@@ -19,6 +19,7 @@ from envs import Codes, Tabular
 
 LEAST_SEEN = 5  # cases of a change that is ranked
 LEAST_EXPECTED = 5.0  # cases that chance would give of a change whose absence says something
+AVOIDED_HEAD = ("| after | never or rarely comes | feasibility | seen | expected by chance |", "|---|---|---|---|---|")
 AVOIDED_BELOW = 0.5  # δ under which a change counts as avoided
 
 
@@ -133,7 +134,7 @@ def _beginnings(recovered: Recovered, names: Sequence[str]) -> str:
     return "\n".join(
         [
             "**What they go for.** Each activity by how much reward the run infers for beginning it, and for going on with",
-            f"it; 0 is the average second of the recordings. {_agreement(reward[:, shown], 'activities')}",
+            f"it; 0 is the average step of the recordings. {_agreement(reward[:, shown], 'activities')}",
             "",
             "| | activity | reward of beginning it | of going on with it | begun |",
             "|---|---|---|---|---|",
@@ -177,10 +178,7 @@ def _avoided(recovered: Recovered, codes: Codes, number: int) -> str:
             f"**What they avoid.** Of {judged.sum()} changes that chance would have shown at least {often} times, the run",
             f"calls {len(listed)} infeasible (feasibility below {below}; 1 is free, 0 is forbidden).{kept}",
             f"Never shown and forbidden look the same here. {_agreement(recovered.delta[:, judged], 'changes')}",
-            "",
-            "| after | never or rarely comes | feasibility | seen | expected by chance |",
-            "|---|---|---|---|---|",
-            *rows,
+            *(["", *AVOIDED_HEAD, *rows] if rows else []),
         ]
     )
 
