@@ -1,6 +1,6 @@
 # One environment, .venv, built from the lock; every target sets it up first and may be run again.
 .DELETE_ON_ERROR:
-.PHONY: run test test-slow lint bench table1 lock clean
+.PHONY: run test test-slow lint bench table1 lock clean notebooks
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -29,6 +29,9 @@ bench: $(INSTALLED)
 scale ?= full
 table1: $(INSTALLED)  # hours; `make table1 scale=smoke` tests its machinery in minutes
 	$(BIN)/python -m experiments.table1 scale=$(scale)
+
+notebooks: $(INSTALLED)  # from clean kernels, their outputs kept in them
+	$(BIN)/jupyter execute --inplace notebooks/*.ipynb
 
 lock: $(INSTALLED)  # needs uv; resolves pyproject.toml anew
 	uv pip compile pyproject.toml --extra test --universal --fork-strategy fewest --python-version 3.11 \
