@@ -6,7 +6,7 @@ from tiny import KNOWN_REWARD, one_state_env, tiny_networks, unit_stats
 
 from aircl_jax.config import PPOConfig
 from aircl_jax.networks import project_log_std
-from aircl_jax.ppo import clipped_surrogate, gae, masked_mean
+from aircl_jax.ppo import clipped_surrogate, gae, make_optimiser, masked_mean
 from envs import Box
 
 
@@ -34,6 +34,15 @@ def test_gae_with_lambda_one_is_the_return_less_the_value():
 
 def test_gae_with_lambda_zero_is_the_temporal_difference():
     np.testing.assert_allclose(advantage([1, 3], [4, 2], 8, [1, 1], gae_lambda=0.0), [-2.0, 5.0])
+
+
+def test_a_huge_gradient_of_the_critic_does_not_mute_the_policy():
+    optimiser = make_optimiser(PPOConfig(learning_rate=0.1))
+    weights = (jnp.zeros(2), jnp.zeros(2))
+    state = optimiser.init(weights)
+    calm, wild = (optimiser.update((jnp.ones(2), size * jnp.ones(2)), state, weights)[0] for size in (1.0, 1e8))
+    np.testing.assert_array_equal(calm[0], wild[0])
+    np.testing.assert_allclose(wild[0], -0.1, rtol=1e-4)  # Adam's first step
 
 
 def test_gae_equals_the_double_sum_over_random_trajectories():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tiny import random_trajectories, tiny_grid
 
+from aircl_jax.adversary import Batches, minibatch
 from aircl_jax.sampler import SAMPLERS, effective_sample_size, reject, resample, take
 
 DELTA = np.array([0.9, 0.6, 0.3, 0.0001, 0.6])
@@ -57,6 +58,16 @@ def test_rejection_draws_uniformly_where_nothing_is_accepted():
 def test_rejection_never_draws_what_is_infeasible():
     log_delta = jnp.asarray([0.0, -300.0, 0.0, -300.0])
     assert set(np.asarray(reject(log_delta, 50, jax.random.key(1)))) == {0, 2}
+
+
+def test_a_minibatch_is_of_distinct_trajectories_and_a_small_set_is_taken_whole():
+    sets = Batches(*(random_trajectories(tiny_grid(), seed, number) for seed, number in enumerate([6, 2, 6, 6])))
+    drawn = minibatch(sets, 3, jax.random.key(0))
+    assert [len(one.mask) for one in drawn] == [3, 2, 3, 3]
+    rows = [tuple(row) for row in np.asarray(drawn.expert.reward)]
+    assert len(set(rows)) == 3
+    assert set(rows) <= {tuple(row) for row in np.asarray(sets.expert.reward)}
+    np.testing.assert_array_equal(drawn.sampled.reward, sets.sampled.reward)
 
 
 def test_every_leaf_of_a_drawn_trajectory_is_of_the_same_trajectory():
