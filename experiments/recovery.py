@@ -29,6 +29,10 @@ WORLDS: dict[str, tuple[str, Mapping[str, Any]]] = {
     "third layout": ("gridworld", {"obstacles": THIRD}),
     "non-Markov": ("nonmarkov", {}),
 }
+HEADING = (
+    "`python -m experiments.recovery`; mean ± std over seeds, — where undefined. "
+    "A cell names the commit of the code that trained it; delete its file to have it trained anew."
+)
 ELSEWHERE = ("aircl_corrected", "airl_centred", "aircl")  # the rows that are run on the other worlds too
 SHOWN = (
     "violation_rate",
@@ -97,17 +101,17 @@ def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str,
 
 def table(cells: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
     """One Markdown table a world: mean ± standard deviation over seeds, and every seed of the two violation rates."""
-    lines = ["# Recovery on the grids", "", "`python -m experiments.recovery`; mean ± std over seeds, — where undefined.", ""]
+    lines = ["# Recovery on the grids", "", HEADING, ""]
     for world in WORLDS:
         rows = {method: cell for (name, method), cell in cells.items() if name == world}
         if not rows:
             continue
         first = next(iter(rows.values()))
         lines += [f"## {world}", "", f"`{first['command'].replace('method=' + first['method'], 'method=…')}`", ""]
-        lines += ["| method | iterations | " + " | ".join(SHOWN) + " |", "|---" * (len(SHOWN) + 2) + "|"]
+        lines += ["| method | commit | iterations | " + " | ".join(SHOWN) + " |", "|---" * (len(SHOWN) + 3) + "|"]
         for method, cell in rows.items():
             shown = " | ".join(_mean(cell["metrics"].get(name)) for name in SHOWN)
-            lines.append(f"| {method} | {cell['iterations']} | {shown} |")
+            lines.append(f"| {method} | {cell['commit']} | {cell['iterations']} | {shown} |")
         lines += ["", "Every seed, violation rate of q and of π:", ""]
         for method, cell in rows.items():
             seeds = [cell["metrics"][name]["per_seed"] for name in ("violation_rate", "violation_rate_policy")]
