@@ -47,11 +47,13 @@ def goal_rate(trajectories: Trajectory, success_return: float | None) -> Float[A
     return jnp.where(jnp.isnan(returns), jnp.nan, reached).mean()
 
 
-def auroc(score: Float[Array, " N"], positive: Float[Array, " N"]) -> Float[Array, ""]:
-    """P(score of a positive > score of a negative), ties counted half; undefined (NaN) where one label is missing."""
-    pair = positive[:, None] * (1.0 - positive[None, :])
-    wins = jnp.sign(score[:, None] - score[None, :]) * 0.5 + 0.5
-    return (wins * pair).sum() / pair.sum()
+def auroc(score: Float[Array, " N"], positive: Float[Array, " N"], negative: Float[Array, " N"]) -> Float[Array, ""]:
+    """P(score of a positive > score of a negative), ties counted half, both weighted; NaN where one label is missing."""
+    order = jnp.argsort(score)
+    ranked = score[order]
+    below = jnp.append(0.0, jnp.cumsum(negative[order] / negative.sum()))
+    left, right = (below[jnp.searchsorted(ranked, score, side, method="sort")] for side in ("left", "right"))
+    return (positive / positive.sum() * 0.5 * (left + right)).sum()
 
 
 def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Array, "*B"]) -> Float[Array, ""]:
@@ -146,14 +148,21 @@ def _accuracies(nets: Networks, expert: Scores, sampled: Scores) -> Metrics:
 
 
 def _feasibility_metrics(nets: Networks, params: Params, stats: ObsStats, reference: Trajectory) -> Metrics:
-    """Does δ̄ separate clean from violating trajectories of the reference set, and by how much."""
+    """Does δ̄ separate clean from violating trajectories of the reference set, and by how much; and δ₁ their steps."""
+    undefined = jnp.full((), jnp.nan)
     if nets.method.feasibility == "none":
-        return {name: jnp.full((), jnp.nan) for name in ("feasibility_auroc", "feasibility_gap")}
+        return dict.fromkeys(("feasibility_auroc", "feasibility_gap", "step_feasibility_auroc"), undefined)
     scores = _scores(nets, params, stats, reference)
     log_delta = log_feasibility(nets.method, nets.config.coefficients, scores)
     delta, clean = jnp.exp(log_delta), 1.0 - infeasible(reference)
     gap = (delta * clean).sum() / clean.sum() - (delta * (1.0 - clean)).sum() / (1.0 - clean).sum()
-    return {"feasibility_auroc": auroc(log_delta, clean), "feasibility_gap": gap}
+    mask, cost = reference.mask.ravel(), reference.cost.ravel()
+    of_steps = auroc(scores.step_logit.ravel(), mask * (1.0 - cost), mask * cost)
+    return {
+        "feasibility_auroc": auroc(log_delta, clean, 1.0 - clean),
+        "feasibility_gap": gap,
+        "step_feasibility_auroc": of_steps if "step" in nets.method.feasibility else undefined,
+    }
 
 
 def _reward_metrics(nets: Networks, params: Params, stats: ObsStats, policy: Trajectory, scores: Scores) -> Metrics:

@@ -24,6 +24,7 @@ MEANINGS = {
     "balanced_acc": "mean of D's accuracy on demonstrations and on fresh samples",
     "feasibility_auroc": "does δ̄ rank feasible trajectories above infeasible ones",
     "feasibility_gap": "mean δ̄ of feasible minus of infeasible trajectories",
+    "step_feasibility_auroc": "does δ₁ rank feasible steps above violating ones, on the same set",
     "goal_rate": "share of episodes that end in the goal",
     "expert_goal_rate": "the same, demonstrations",
     "return": "true return of the policy",

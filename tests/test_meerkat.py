@@ -176,7 +176,7 @@ def test_a_truth_is_claimed_for_the_default_coding_alone():
 UNKNOWABLE = (
     *("violation_rate", "violation_rate_policy", "violation_rate_expert", "infeasible_share", "infeasible_share_policy"),
     *("return", "return_sampled", "expert_return", "feasible_return", "reward_correlation", "violation_reward_only"),
-    *("feasibility_auroc", "feasibility_gap"),
+    *("feasibility_auroc", "feasibility_gap", "step_feasibility_auroc"),
 )
 
 

@@ -55,11 +55,21 @@ def test_goal_rate_is_undefined_without_a_goal():
     ],
 )
 def test_auroc_is_the_chance_that_a_positive_scores_above_a_negative(score, expected):
-    assert auroc(jnp.asarray(score), jnp.asarray([1.0, 1.0, 0.0, 0.0])) == expected
+    positive = jnp.asarray([1.0, 1.0, 0.0, 0.0])
+    assert auroc(jnp.asarray(score), positive, 1.0 - positive) == expected
 
 
 def test_auroc_is_undefined_where_one_label_is_missing():
-    assert jnp.isnan(auroc(jnp.arange(3.0), jnp.ones(3)))
+    assert jnp.isnan(auroc(jnp.arange(3.0), jnp.ones(3), jnp.zeros(3)))
+
+
+def test_auroc_equals_the_count_over_weighted_pairs():
+    random = np.random.default_rng(0)
+    score, positive, mask = random.integers(8, size=60), random.integers(2, size=60), random.integers(2, size=60)
+    pairs = [(a, b) for a in range(60) for b in range(60) if mask[a] * mask[b] and positive[a] > positive[b]]
+    wins = [(score[a] > score[b]) + 0.5 * (score[a] == score[b]) for a, b in pairs]
+    found = auroc(*(jnp.asarray(x, jnp.float32) for x in (score, mask * positive, mask * (1 - positive))))
+    np.testing.assert_allclose(found, np.mean(wins), rtol=1e-5)
 
 
 def test_correlation_is_pearsons_over_weighted_steps():
