@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from aircl_jax import ppo
@@ -68,7 +69,7 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
     """PPO-Lagrangian's two functions; with `constrained` 0 it is plain PPO from `release` on."""
     nets = make_networks(env, _TRUE_REWARD, TrainConfig(hidden=config.hidden, ppo=config.ppo))
     world = restarting(env, config.fall_cost)
-    optimiser = ppo.make_optimiser(config.ppo)
+    optimiser = make_optimiser(config.ppo)
 
     def init(key: PRNGKeyArray) -> LagrangianState:
         key, key_reward, key_cost = jax.random.split(key, 3)
@@ -105,6 +106,11 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
         }
 
     return Lagrangian(init, step, nets)
+
+
+def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
+    """Adam on the policy and both critics, clipped by the norm of all three: the shipped experts were trained so."""
+    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(config.learning_rate, eps=1e-5))
 
 
 def restarting(env: Env, fall_cost: float) -> Env:
@@ -225,7 +231,7 @@ def update(
     """`num_epochs` passes over the steps in shuffled minibatches; the step's size falls linearly over the iterations."""
     number = batch.mask.size
     num_minibatches = max(1, number // config.ppo.minibatch_size)
-    optimiser = ppo.make_optimiser(config.ppo)
+    optimiser = make_optimiser(config.ppo)
     left = jnp.maximum(1.0 - state.step / config.iterations, 0.0)
 
     def minibatch_step(carry: tuple[Any, Any], index: Array) -> tuple[tuple[Any, Any], Metrics]:
