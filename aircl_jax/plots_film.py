@@ -12,6 +12,7 @@ from aircl_jax.watching import Scene, Side
 
 FRAMES = 12  # of each strip; no gait's period in steps is near a 12th of the horizon, so the poses differ
 ROUND = 10  # corners of a capsule's end
+MILLIMETRES = 0.05  # m; a body that stays within is said in millimetres
 NAMES = {"expert": ("demonstration", BLACK), "learned": (r"policy $\pi$", BLUE)}
 
 
@@ -57,6 +58,7 @@ def _strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray
     """The poses side by side, each moved into its frame; below it its x."""
     title, colour = NAMES[side.name]
     links, stage = side.links[episode], scene.stage
+    millimetres = bool(np.abs(side.across[episode, shown]).max() < MILLIMETRES)
     pitch, middle = 2.3 * (half[0] + stage.radius.max()), _middle(links)
     ground = stage.floor if stage.floor is not None else middle[:, 1].mean()
     for place, step in enumerate(shown):
@@ -65,7 +67,7 @@ def _strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray
         _body(axis, links[step] + offset, stage.radius, stage.branch, ink)
         if scene.wall is not None and abs(scene.wall - middle[step, 0]) < pitch / 2:
             axis.axvline(scene.wall + offset[0], color=ORANGE, ls=(0, (3, 2)), lw=0.7, zorder=4)
-        where = f"{round(side.across[episode, step], 2) + 0.0:+.2f} m".replace("-", "−")
+        where = _place(float(side.across[episode, step]), millimetres, unit=place == 0)
         axis.annotate(
             where, ((place + 0.5) / FRAMES, 0), (0, -2), "axes fraction", "offset points", ha="center", va="top", color=ink
         )
@@ -75,6 +77,11 @@ def _strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray
     axis.set(xlim=(0, FRAMES * pitch), ylim=(min(low, ground), high), aspect="equal", anchor="C")
     axis.set_title(f"{title}: {_said(side, episode)}", color=colour)
     axis.set_axis_off()
+
+
+def _place(x: float, millimetres: bool, unit: bool) -> str:
+    shown = f"{round(1e3 * x):d}{' mm' * unit}" if millimetres else f"{round(x, 2) + 0.0:+.2f} m"
+    return shown.replace("-", "−")
 
 
 def _body(axis: Axes, links: Float[np.ndarray, "G 2 2"], radius: np.ndarray, branch: np.ndarray, colour: str) -> None:

@@ -1,7 +1,8 @@
-"""The notebooks run from a clean kernel."""
+"""The notebooks run from a clean kernel; what outputs are committed are those of one whole run, and small."""
 
 import ast
 import asyncio
+import base64
 import json
 import os
 from pathlib import Path
@@ -11,11 +12,18 @@ from unittest import mock
 import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parent.parent / "notebooks").glob("*.ipynb"))
+LARGEST = 1_000_000  # bytes of a notebook
+LARGEST_PICTURE = 200_000
 DEFINING = {"04_your_own"}  # one's own environment is what it shows; the others import and explain
 
 
 def code_cells(path: Path) -> list[dict[str, Any]]:
     return [cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
+
+
+def executed() -> list[Path]:
+    """Those with outputs."""
+    return [path for path in NOTEBOOKS if any(cell["outputs"] for cell in code_cells(path))]
 
 
 def source(path: Path) -> str:
@@ -24,6 +32,25 @@ def source(path: Path) -> str:
 
 def test_there_are_four():
     assert [path.stem for path in NOTEBOOKS] == ["01_gridworld", "02_robots", "03_meerkat", "04_your_own"]
+
+
+@pytest.mark.parametrize("path", executed(), ids=lambda path: path.stem)
+def test_outputs_are_those_of_one_run_from_top_to_bottom_without_an_error(path):
+    cells = code_cells(path)
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    outputs = [output for cell in cells for output in cell["outputs"]]
+    assert "error" not in {output["output_type"] for output in outputs}
+    assert "stderr" not in {output.get("name") for output in outputs}
+    assert any("this notebook took" in "".join(output.get("text", "")) for output in outputs)
+
+
+@pytest.mark.parametrize("path", executed(), ids=lambda path: path.stem)
+def test_pictures_are_there_and_small(path):
+    data = [output.get("data", {}) for cell in code_cells(path) for output in cell["outputs"]]
+    pictures = [base64.b64decode(one["image/png"]) for one in data if "image/png" in one]
+    assert len(pictures) >= 2
+    assert max(map(len, pictures)) < LARGEST_PICTURE
+    assert path.stat().st_size < LARGEST
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
