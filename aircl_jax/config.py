@@ -101,7 +101,7 @@ _TUNED_GRID = replace(
     pool=4,
     ppo=replace(_GRID.ppo, num_epochs=2, learning_rate=1e-3, clip_eps=0.2),
     adversary=AdversaryConfig(learning_rate=1e-3),
-    coefficients=Coefficients(sampled_coef=0.5),
+    coefficients=Coefficients(sampled_coef=0.5, threshold=0.3),
 )
 # Only δ_seq can see the constraint there, so the adversary is given more steps for each of the policy's.
 _TUNED_NONMARKOV = replace(
