@@ -48,7 +48,7 @@ def value(env, nets, params, t=0):
 @pytest.mark.parametrize("temperature", [1.0, 0.5])
 def test_bandit_is_played_by_the_softmax_of_its_rewards(temperature):
     env = one_state_env(lambda t, action: ACTIONS[action], action_space=Discrete(3))
-    nets, params = solve(env, temperature=temperature)
+    nets, params = solve(env, temperature=temperature, learning_rate=2e-3, iterations=400)
     probability = probabilities(env, nets, params)
     np.testing.assert_allclose(probability, jax.nn.softmax(ACTIONS / temperature), atol=0.03)
     soft_optimum = temperature * jax.nn.logsumexp(ACTIONS / temperature)
