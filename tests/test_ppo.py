@@ -1,3 +1,5 @@
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -40,9 +42,13 @@ def test_a_huge_gradient_of_the_critic_does_not_mute_the_policy():
     optimiser = make_optimiser(PPOConfig(learning_rate=0.1))
     weights = (jnp.zeros(2), jnp.zeros(2))
     state = optimiser.init(weights)
-    calm, wild = (optimiser.update((jnp.ones(2), size * jnp.ones(2)), state, weights)[0] for size in (1.0, 1e8))
-    np.testing.assert_array_equal(calm[0], wild[0])
-    np.testing.assert_allclose(wild[0], -0.1, rtol=1e-4)  # Adam's first step
+
+    def moved(critic_gradient):
+        updates: Any = optimiser.update((jnp.ones(2), critic_gradient * jnp.ones(2)), state, weights)[0]
+        return updates[0]
+
+    np.testing.assert_array_equal(moved(1.0), moved(1e8))
+    np.testing.assert_allclose(moved(1e8), -0.1, rtol=1e-4)  # Adam's first step
 
 
 def test_gae_equals_the_double_sum_over_random_trajectories():
