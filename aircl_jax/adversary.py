@@ -115,12 +115,15 @@ def step_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, 
 def sequence_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Corrected, per trajectory, z of the order-aware encoder: with D_S as feasible with weight m beside D_E,
 
-    (E_E softplus(−z) + m E_S softplus(−z)) / (1 + m) + E_{P ∪ replay} softplus(z).
+    (E_E softplus(−z) + m E_S softplus(−z)) / (1 + m) + E_{P ∪ replay} softplus(z) + ρ E_{E ∪ S ∪ P ∪ replay} z².
+
+    The ridge ρ bounds what a few demonstrations can say: without it z learns the fifty of a robot by heart.
     """
     m = coefficients.sampled_coef
     expert, sampled = (jax.nn.softplus(-one.sequence_logit).mean() for one in (scores.expert, scores.sampled))
     policy, replay = (jax.nn.softplus(one.sequence_logit).mean() for one in (scores.policy, scores.replay))
-    return (expert + m * sampled) / (1.0 + m) + 0.5 * (policy + replay)
+    ridge = sum((one.sequence_logit**2).mean() for one in scores) / len(scores)
+    return (expert + m * sampled) / (1.0 + m) + 0.5 * (policy + replay) + coefficients.sequence_ridge * ridge
 
 
 def gacl(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:

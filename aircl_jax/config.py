@@ -19,6 +19,7 @@ class Coefficients:
     sharpness: float = 6.0  # k of the corrected test
     threshold: float = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
     false_alarms: float = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
+    sequence_ridge: float = 0.0  # ρ: weight of z² of the corrected trajectory-level term
     icrl_coef: float = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 
@@ -55,6 +56,8 @@ class TrainConfig:
     num_demonstrations: int = 70  # trajectories of D_E where the expert is sampled; Table 2's "expert trajectory"
     pool: int = 1  # the rows that draw D_S from a pool collect pool × N trajectories a round
     hidden: tuple[int, ...] = (32, 32)  # every network; Table 2
+    step_network: Literal["joint", "additive"] = "joint"  # δ₁'s logit: of all coordinates, or a sum of one network for each
+    additive_hidden: tuple[int, ...] = (16, 16)  # of each coordinate's network
     encoder: Literal["attention", "gru"] = "attention"  # of the trajectory-level feasibility: how it sees order
     reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
     constraint_input: Literal["env", "state", "state_action"] = "env"  # δ₁ on s or on (s, a); env: as the environment says
@@ -120,6 +123,8 @@ _TUNED_ANIMALS = replace(
 def _tuned_robot(row: TrainConfig) -> TrainConfig:
     return replace(
         row,
+        step_network="additive",
+        coefficients=Coefficients(sequence_ridge=0.2),
         ppo=replace(row.ppo, num_epochs=4, learning_rate=1e-3, clip_eps=0.2, log_std_init=-1.2),
         adversary=replace(row.adversary, num_steps=8, learning_rate=2e-3),
     )

@@ -68,7 +68,6 @@ class Lagrangian(NamedTuple):
 def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
     """PPO-Lagrangian's two functions; with `constrained` 0 it is plain PPO from `release` on."""
     nets = make_networks(env, _TRUE_REWARD, TrainConfig(hidden=config.hidden, ppo=config.ppo))
-    world = restarting(env, config.fall_cost)
     optimiser = make_optimiser(config.ppo)
 
     def init(key: PRNGKeyArray) -> LagrangianState:
@@ -86,6 +85,8 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
         stats = observation_stats(state)
         bound = (constrained > 0) | (state.step < config.release * config.iterations)
         multiplier = jnp.where(bound, state.multiplier, 0.0)
+        motors = weakened(env, jnp.where(bound, config.motor_limit, jnp.inf)) if config.motor_limit else env
+        world = restarting(motors, config.fall_cost)
         met = _unrestarted(rollouts(world, nets, acting_params(state), stats, key_rollout, config.num_trajectories))
         batch = make_batch(nets, state, stats, met, multiplier, config)
         state, metrics = update(nets, state, stats, batch, key_update, config)
@@ -111,6 +112,17 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
 def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
     """Adam on the policy and both critics, clipped by the norm of all three: the shipped experts were trained so."""
     return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(config.learning_rate, eps=1e-5))
+
+
+def weakened(env: Env, limit: Float[Array, ""]) -> Env:
+    """The same world with motors that stop at ±limit; to ask for more costs what going beyond a torque limit costs."""
+
+    def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
+        state, result = env.step(key, state, jnp.clip(action, -limit, limit))
+        asked = (jnp.abs(action) > limit).any().astype(result.cost.dtype)
+        return state, result._replace(cost=jnp.maximum(result.cost, asked))
+
+    return replace(env, step=step)
 
 
 def restarting(env: Env, fall_cost: float) -> Env:

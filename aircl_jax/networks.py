@@ -19,6 +19,8 @@ OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
 STD_FLOOR = 1e-3  # of a coordinate that the demonstrations never move
 # Not orthogonal: its QR calls block the CPU's thread pool when several devices initialise at once.
 HIDDEN_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
+ADDITIVE_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal", in_axis=1, out_axis=2, batch_axis=0)
+ADDITIVE_SCALE = 3.0  # walls are sharper than the spread of the demonstrations
 KEY_BOUND = 8.0  # of the attention's log weights: e^8 outweighs 500 steps, and its sums stay exact in float32
 SEQUENCE_BIAS = 1.0  # initial logit of δ_seq: a trajectory is feasible until something speaks against it
 
@@ -39,6 +41,28 @@ class MLP(nn.Module):
             x = getattr(nn, self.activation)(x)
         final = nn.initializers.variance_scaling(self.final_scale**2, "fan_in", "truncated_normal")
         return nn.Dense(self.size, kernel_init=final, bias_init=nn.initializers.constant(self.bias))(x)
+
+
+class AdditiveNet(nn.Module):
+    """Σ_i g_i(x_i), an own network for each coordinate: a generalised additive model (Hastie & Tibshirani 1986).
+
+    As a log density ratio it is that of independent coordinates: which of them a constraint speaks of, and from where on,
+    can be read from one curve each, and what was never seen together is no evidence.
+    """
+
+    hidden: Sequence[int]
+    bias: float = 0.0
+
+    @nn.compact
+    def __call__(self, x: Float[Array, " I"]) -> Float[Array, " 1"]:
+        h = ADDITIVE_SCALE * x[:, None]
+        for layer, width in enumerate(self.hidden):
+            shape = (x.shape[0], h.shape[1], width)
+            kernel = self.param(f"kernel_{layer}", ADDITIVE_INIT, shape)
+            bias = self.param(f"bias_{layer}", nn.initializers.normal(0.5), (x.shape[0], width))
+            h = nn.tanh(jnp.einsum("ij,ijk->ik", h, kernel) + bias)
+        final = self.param("final", nn.initializers.normal(0.1), h.shape)
+        return (h * final).sum() + self.param("bias", nn.initializers.constant(self.bias), (1,))
 
 
 class Policy(nn.Module):
@@ -120,7 +144,7 @@ class Networks:
     policy_net: Policy
     value_net: MLP
     reward_net: MLP
-    step_net: MLP
+    step_net: MLP | AdditiveNet
     sequence_net: nn.Module
 
     def init(self, key: PRNGKeyArray) -> Params:
@@ -230,6 +254,9 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
     """The networks of a method's row on an environment: the linear rows have no hidden layer in f and δ̄."""
     linear = method.network == "linear"
     judged = () if linear else config.hidden
+    step_net = MLP(judged, 1, activation="relu", bias=SEQUENCE_BIAS)
+    if config.step_network == "additive" and not linear:
+        step_net = AdditiveNet(config.additive_hidden, bias=SEQUENCE_BIAS)
     return Networks(
         env=env,
         method=method,
@@ -237,7 +264,7 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
         policy_net=Policy(env.action_space, config.hidden, config.ppo.log_std_init),
         value_net=MLP(config.hidden, 1),
         reward_net=MLP(judged, 1, activation="relu"),
-        step_net=MLP(judged, 1, activation="relu", bias=SEQUENCE_BIAS),
+        step_net=step_net,
         sequence_net=LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden),
     )
 

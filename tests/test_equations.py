@@ -15,7 +15,7 @@ from aircl_jax.feasibility import RATIO_FLOOR, calibrate, log_feasibility, log_s
 from aircl_jax.methods import METHODS
 from aircl_jax.types import Scores
 
-COEFFICIENTS = Coefficients(contrast_coef=0.3, minimal_coef=0.2, sampled_coef=0.5, icrl_coef=0.6)
+COEFFICIENTS = Coefficients(contrast_coef=0.3, minimal_coef=0.2, sampled_coef=0.5, icrl_coef=0.6, sequence_ridge=0.1)
 
 
 @pytest.fixture(autouse=True)
@@ -191,12 +191,14 @@ def test_step_ratio_term_is_stationary_at_log_expert_over_policy():
     np.testing.assert_allclose(jax.grad(loss)(log_ratio), 0.0, atol=1e-12)
 
 
-def test_sequence_ratio_term_counts_samples_as_feasible_with_weight_m_beside_the_expert():
+def test_sequence_ratio_term_counts_samples_as_feasible_with_weight_m_beside_the_expert_and_bounds_the_logit():
     sign = {"expert": 1, "sampled": 1, "policy": -1, "replay": -1}
     log_right = {
         name: np.log(sigmoid(sign[name] * naive(one).sequence_logit)).mean() for name, one in random_batches()._asdict().items()
     }
+    squares = np.mean([(naive(one).sequence_logit ** 2).mean() for one in random_batches()])
     expected = -(log_right["expert"] + 0.5 * log_right["sampled"]) / 1.5 - 0.5 * (log_right["policy"] + log_right["replay"])
+    expected += 0.1 * squares
     np.testing.assert_allclose(term("sequence_ratio", "aircl_corrected"), expected, rtol=1e-12)
 
 

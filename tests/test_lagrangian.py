@@ -20,6 +20,7 @@ from aircl_jax.lagrangian import (
     observation_stats,
     observe,
     restarting,
+    weakened,
 )
 from aircl_jax.rollout import rollouts
 from envs import Box, Step, make_env
@@ -168,6 +169,15 @@ def test_the_best_gaussian_under_a_limit_stays_a_few_sigma_below_it_and_without_
     held, free = episodes.cost.mean(axis=(1, 2))
     assert held < 0.02
     assert free > 0.5
+
+
+def test_weakened_motors_stop_at_the_limit_and_to_ask_for_more_costs():
+    world = limited_world(limit=2.0)
+    weak = weakened(world, jnp.asarray(0.3))
+    state, _ = world.reset(jax.random.key(0))
+    for asked, given, cost in [(0.2, 0.2, 0.0), (0.3, 0.3, 0.0), (0.9, 0.3, 1.0), (-0.9, -0.3, 1.0)]:
+        _, result = weak.step(jax.random.key(0), state, jnp.asarray([asked]))
+        np.testing.assert_allclose((result.reward, result.cost), (given, cost), rtol=1e-6)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -106,6 +106,18 @@ def test_step_feasibility_of_the_papers_rows_sees_actions_and_ours_where_the_wor
     assert make_networks(torque, METHODS[method], TINY).feasibility_sees_action
 
 
+def test_additive_step_feasibility_is_a_sum_over_coordinates():
+    env = one_state_env(lambda t, action: action.sum(), action_space=Box(2))
+    env = replace(env, constraint_input="state_action")
+    nets, params = tiny_networks(env, "aircl_corrected", replace(TINY, step_network="additive"))
+
+    def logit(*action):
+        return float(nets.step_logit(params.feasibility, unit_stats(env), jnp.eye(2)[0], jnp.asarray(action)))
+
+    np.testing.assert_allclose(logit(0.5, 0.7) - logit(0.5, -0.2), logit(-0.9, 0.7) - logit(-0.9, -0.2), rtol=1e-4)
+    assert abs(logit(0.5, 0.7) - logit(0.5, -0.2)) > 1e-4
+
+
 def test_linear_rows_have_a_linear_reward_and_feasibility_and_a_deep_policy():
     _, params = tiny_networks(tiny_grid(), "aircl_linear")
     assert set(params.reward["params"]) == {"Dense_0"}
