@@ -4,6 +4,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import jax
+from jaxtyping import Array, Float
+
+Scalar = float | Float[Array, ""]  # an array where it is traced
 
 
 @jax.tree_util.register_dataclass
@@ -11,16 +14,16 @@ import jax
 class Coefficients:
     """The scalars that weigh or shape the loss terms. A pytree: they may be traced, so that a sweep over them is a `vmap`."""
 
-    contrast_coef: float = 0.001  # φ of Eq. 13; Table 2
-    minimal_coef: float = 0.001  # κ of the minimal-constraint term, Section 6; Table 2
-    cost_budget: float = 0.0  # α of Eq. 10; a constant, so it moves the objective and no gradient
-    ratio_clip: float = 1.0  # upper bound of Eq. 12's coefficient π(τ)(1 − D), which is a density and may be e^88
-    sampled_coef: float = 0.25  # m: weight of D_S beside D_E as feasible, in the corrected trajectory-level term
-    sharpness: float = 6.0  # k of the corrected test
-    threshold: float = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
-    false_alarms: float = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
-    sequence_ridge: float = 0.0  # ρ: weight of z² of the corrected trajectory-level term
-    icrl_coef: float = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
+    contrast_coef: Scalar = 0.001  # φ of Eq. 13; Table 2
+    minimal_coef: Scalar = 0.001  # κ of the minimal-constraint term, Section 6; Table 2
+    cost_budget: Scalar = 0.0  # α of Eq. 10; a constant, so it moves the objective and no gradient
+    ratio_clip: Scalar = 1.0  # upper bound of Eq. 12's coefficient π(τ)(1 − D), which is a density and may be e^88
+    sampled_coef: Scalar = 0.25  # m: weight of D_S beside D_E as feasible, in the corrected trajectory-level term
+    sharpness: Scalar = 6.0  # k of the corrected test
+    threshold: Scalar = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
+    false_alarms: Scalar = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
+    sequence_ridge: Scalar = 0.0  # ρ: weight of z² of the corrected trajectory-level term
+    icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 
 @dataclass(frozen=True)

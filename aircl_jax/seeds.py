@@ -10,14 +10,16 @@ from jax.sharding import AxisType, NamedSharding, PartitionSpec
 from jaxtyping import Array, Key
 
 from aircl_jax.train import Trainer
-from aircl_jax.types import Metrics, TrainState, Trajectory
+from aircl_jax.types import Metrics, TrainState
+
+Expert = Any  # Trajectory [S, N, T, …]: D_E of each seed; whatever else a trainer takes in its place
 
 
 class Runner(NamedTuple):
     """`init(expert) -> states [S, …]`; `run_chunk(states, expert, length) -> (states, {metric: [length, S]})`."""
 
-    init: Callable[[Trajectory], TrainState]
-    run_chunk: Callable[[TrainState, Trajectory, int], tuple[TrainState, Metrics]]
+    init: Callable[[Expert], TrainState]
+    run_chunk: Callable[[TrainState, Expert, int], tuple[TrainState, Metrics]]
 
 
 def seed_keys(seeds: Sequence[int]) -> Key[Array, " S"]:
@@ -41,8 +43,8 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
     init = jax.jit(shard(jax.vmap(trainer.init)))
 
     @partial(jax.jit, static_argnums=2, donate_argnums=0)
-    def run_chunk(states: TrainState, expert: Trajectory, length: int) -> tuple[TrainState, Metrics]:
-        def on_device(states: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+    def run_chunk(states: TrainState, expert: Expert, length: int) -> tuple[TrainState, Metrics]:
+        def on_device(states: TrainState, expert: Expert) -> tuple[TrainState, Metrics]:
             def iteration(states: TrainState, _: None) -> tuple[TrainState, Metrics]:
                 return jax.vmap(trainer.step)(states, expert)
 

@@ -88,7 +88,7 @@ def _describe(annotation: Any) -> str:
     if origin is Literal:
         return f"one of {', '.join(map(str, args))}" if len(args) > 1 else repr(*args)
     if origin in (Union, UnionType):
-        return " or ".join(_describe(arg) for arg in args)
+        return " or ".join(_describe(arg) for arg in args if not hasattr(arg, "array_type"))  # which nobody can type
     if origin is tuple and args[-1] is Ellipsis:
         return f"a list, each item {_describe(args[0])}"
     if origin is tuple:

@@ -1,0 +1,178 @@
+"""How much the results depend on φ, m, the number of demonstrations and the noise: `python -m experiments.sweeps`.
+
+A finished sweep is kept as results/sweeps/NAME.json with its command and commit, and skipped by the next call; the report
+and a figure of each are written anew. Settings: sweep (a comma list of names, or all), seeds, iterations (0: the
+environment's own), out (a folder). φ and m are coefficients: all their values train in one program.
+"""
+
+import json
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from aircl_jax import runtime
+
+runtime.prepare()  # before anything imports jax
+
+import matplotlib as mpl  # noqa: E402
+import numpy as np  # noqa: E402
+
+from aircl_jax import plots_sweep, train  # noqa: E402
+from aircl_jax.plan import make_plan  # noqa: E402
+from aircl_jax.plots_style import DPI, STYLE  # noqa: E402
+from aircl_jax.sweeps import sweep  # noqa: E402
+from experiments.arguments import parse  # noqa: E402
+from experiments.cells import current_commit, keep, listed  # noqa: E402
+
+RESULTS, SEEDS = "results/sweeps", 10
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What is varied, of which method on the grid; `of` says where the name is a setting of."""
+
+    title: str
+    method: str
+    name: str
+    values: tuple[float, ...]
+    of: Literal["coefficient", "config", "env"] = "coefficient"
+
+
+PHI = (0.0, 0.0001, 0.001, 0.003, 0.01, 0.03, 0.1)
+SWEEPS = {
+    "phi_literal": Sweep("φ of the contrast prior, as printed", "aircl", "contrast_coef", PHI),
+    "phi_corrected": Sweep("φ of the contrast prior, corrected", "aircl_corrected_prior", "contrast_coef", PHI),
+    "m": Sweep("m, weight of q's samples as feasible", "aircl_corrected", "sampled_coef", (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)),
+    "demonstrations": Sweep(
+        "number of demonstrations", "aircl_corrected", "num_demonstrations", (5, 10, 20, 50, 100, 200), "config"
+    ),
+    "noise": Sweep(
+        "share of random moves (slip), in demonstrations and world",
+        "aircl_corrected",
+        "slip",
+        (0.0, 0.01, 0.05, 0.1, 0.2),
+        "env",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    sweep: str = "all"
+    seeds: int = SEEDS
+    iterations: int = 0
+    out: str = RESULTS
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Train the sweeps that are missing, then write; 0 done, 2 bad input, 130 interrupted."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    try:
+        settings = parse(words, Settings())
+        chosen = listed("sweep", settings.sweep, tuple(SWEEPS))
+        own = settings.seeds == SEEDS and not settings.iterations
+        if not own and Path(settings.out).resolve() == Path(RESULTS).resolve():
+            raise ValueError(
+                f"seeds={settings.seeds} iterations={settings.iterations}: {RESULTS} has {SEEDS} seeds; choose out=DIR"
+            )
+        commit = current_commit()  # of the code that this process has loaded
+        for name in chosen:
+            path = Path(settings.out) / f"{name}.json"
+            if not path.exists():
+                print(f"training {name}: {SWEEPS[name].method}, {SWEEPS[name].name} of {SWEEPS[name].values}", flush=True)
+                command = shlex.join(["python", "-m", "experiments.sweeps", *_kept(words), f"sweep={name}"])
+                keep(path, {"command": command, "commit": commit, **run(SWEEPS[name], settings)})
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on with the sweep that was cut", file=sys.stderr)
+        return 130
+    print(f"wrote {write(Path(settings.out))}")
+    return 0
+
+
+def _kept(words: Sequence[str]) -> list[str]:
+    return [word for word in words if not word.startswith("sweep=")]
+
+
+def run(one: Sweep, settings: Settings) -> dict[str, Any]:
+    """{…, "metrics": {NAME: [V, S]}} of one sweep."""
+    iterations = settings.iterations or "default"
+    if one.of == "coefficient":
+        plan = make_plan(
+            "gridworld",
+            one.method,
+            seeds=settings.seeds,
+            iterations=iterations,
+            contrast_prior="method",
+            first_seed=0,
+            demonstrations="default",
+            env_settings={},
+            config={},
+        )
+        found = sweep(plan, one.name, one.values)
+        metrics = {name: values.tolist() for name, values in found.items()}
+    else:
+        changes = [{one.name: value} for value in one.values]
+        runs = [
+            train(
+                "gridworld",
+                one.method,
+                seeds=settings.seeds,
+                iterations=iterations,
+                env_settings=change if one.of == "env" else {},
+                config=change if one.of == "config" else {},
+            )
+            for change in changes
+        ]
+        names = runs[0].summary["metrics"]
+        metrics = {name: [run.summary["metrics"][name]["per_seed"] for run in runs] for name in names}
+    finite = {name: [[_finite(x) for x in row] for row in rows] for name, rows in metrics.items()}
+    return {"method": one.method, "setting": one.name, "values": one.values, "seeds": settings.seeds, "metrics": finite}
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else round(value, 6)
+
+
+def write(out: Path) -> Path:
+    """report.md and the figures of the sweeps that are there."""
+    lines = ["# Sensitivity on the grid", "", "`python -m experiments.sweeps`; mean ± std over seeds, — where undefined.", ""]
+    for name, one in SWEEPS.items():
+        path = out / f"{name}.json"
+        lines += [f"## {one.title}", ""]
+        if not path.exists():
+            lines += [f"Not trained yet: `python -m experiments.sweeps sweep={name}`.", ""]
+            continue
+        found = json.loads(path.read_text())
+        with mpl.rc_context(STYLE):
+            drawing = plots_sweep.draw(name, one.title, found)
+            drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
+        lines += [f"`{found['command']}`, commit {found['commit']}", "", f"![{one.title}]({name}.png)", "", drawing.caption, ""]
+        lines += table(found)
+    written = out / "report.md"
+    written.write_text("\n".join(lines))
+    return written
+
+
+def table(found: Mapping[str, Any]) -> list[str]:
+    """A row a value."""
+    names = [name for name in plots_sweep.SHOWN if name in found["metrics"]]
+    lines = [f"| {found['setting']} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
+    for place, value in enumerate(found["values"]):
+        cells = [_cell(found["metrics"][name][place]) for name in names]
+        lines.append(f"| {value:g} | " + " | ".join(cells) + " |")
+    return [*lines, ""]
+
+
+def _cell(values: Sequence[float | None]) -> str:
+    known = [value for value in values if value is not None]
+    return f"{np.mean(known):.3f} ± {np.std(known):.3f}" if known else "—"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
