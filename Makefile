@@ -37,8 +37,13 @@ lock: $(INSTALLED)  # needs uv; resolves pyproject.toml anew
 	uv pip compile pyproject.toml --extra test --universal --fork-strategy fewest --python-version 3.11 \
 	    --generate-hashes --no-header --no-annotate --upgrade --output-file requirements.lock
 
+.venv-peer/.installed:  # the library that `python -m experiments.benchmark peer=true` is compared with
+	$(PYTHON) -m venv .venv-peer
+	.venv-peer/bin/python -m pip install --quiet "imitation==1.0.1" "gymnasium[mujoco]" "numpy<2"
+	touch $@
+
 clean:
-	rm -rf .venv build *.egg-info
+	rm -rf .venv .venv-peer build *.egg-info
 
 $(INSTALLED): requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv

@@ -63,7 +63,11 @@ class TrainConfig:
     additive_hidden: tuple[int, ...] = (16, 16)  # of each coordinate's network
     encoder: Literal["attention", "gru"] = "attention"  # of the trajectory-level feasibility: how it sees order
     reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
+    reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded one runs away; 0: none
     constraint_input: Literal["env", "state", "state_action"] = "env"  # δ₁ on s or on (s, a); env: as the environment says
+    warm_start: int = (
+        0  # Adam steps of behaviour cloning before the first iteration; the replay begins with the untrained policy
+    )
     temperature: float = 1.0  # β of the entropy in rows that know the true reward; a learned f takes β = 1 without loss
     num_evaluation: int = 500  # fresh episodes at each evaluation
     chunk: int = 25  # iterations between two checkpoints, log flushes and evaluations

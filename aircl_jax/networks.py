@@ -201,7 +201,9 @@ class Networks:
         """f_θ(s, a), on the environment's smooth coordinates or on s̃."""
         viewed = self.config.reward_input == "view" and self.env.reward_view_size
         seen = self.env.reward_view(obs) if viewed else self.normalise(stats, obs)
-        return self.reward_net.apply(params, jnp.concatenate([seen, self.env.action_space.features(action)]))[0]
+        f = self.reward_net.apply(params, jnp.concatenate([seen, self.env.action_space.features(action)]))[0]
+        bound = self.config.reward_bound
+        return bound * jnp.tanh(f / bound) if bound else f
 
     def feasibility_input(self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
         """What both factors of the feasibility see of a step: s̃, and the action where constraints may speak of it."""

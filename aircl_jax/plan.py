@@ -16,6 +16,7 @@ from aircl_jax.types import Trajectory
 from envs import ENVS, Env, make_env
 
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef")  # numbers between 0 and 1
+COUNTS_FROM_ZERO = ("warm_start",)
 BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max", "cost_budget")  # numbers of either sign
 
 
@@ -133,7 +134,7 @@ def _check_config(config: Any, prefix: str) -> None:
             _check_config(value, name)
         elif isinstance(value, (int, tuple)) and not isinstance(value, bool):
             for part in value if isinstance(value, tuple) else (value,):
-                _at_least(name, part, 1)
+                _at_least(name, part, 0 if field.name in COUNTS_FROM_ZERO else 1)
         elif isinstance(value, float) and value < 0 and field.name not in BOUNDLESS:
             raise ValueError(f"{name}={value} is negative; choose a number of at least 0")
         elif isinstance(value, float) and value > 1 and field.name in SHARES:

@@ -24,12 +24,12 @@ def film_strip(scene: Scene, episode: int = 0) -> Drawing:
     figure = Figure(figsize=(7.2, 0.4 + sum(0.95 * height for height in heights)), layout="constrained")
     axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     rows = len(heights) // 2
-    half = _half_extent(sides, episode)
+    half = half_extent(sides, episode)
     for place, side in enumerate(sides):
         strip, chart, *delta = axes[place * rows : (place + 1) * rows]
-        shown = _instants(int(side.length[episode]))
-        _strip(strip, scene, side, episode, shown, half)
-        _chart(chart, scene, side, episode, shown)
+        shown = instants(int(side.length[episode]))
+        strip(strip, scene, side, episode, shown, half)
+        chart(chart, scene, side, episode, shown)
         for axis in delta:
             _delta(axis, scene, side, episode)
         for axis in (chart, *delta):
@@ -39,12 +39,12 @@ def film_strip(scene: Scene, episode: int = 0) -> Drawing:
     return Drawing("film_strip", figure, _caption(scene, episode))
 
 
-def _instants(length: int) -> np.ndarray:
-    """The middles of FRAMES equal spans."""
-    return ((np.arange(FRAMES) + 0.5) * length / FRAMES).astype(int)
+def instants(length: int, frames: int = FRAMES) -> np.ndarray:
+    """The middles of equal spans."""
+    return ((np.arange(frames) + 0.5) * length / frames).astype(int)
 
 
-def _half_extent(sides: tuple[Side, Side], episode: int) -> Float[np.ndarray, " 2"]:
+def half_extent(sides: tuple[Side, Side], episode: int) -> Float[np.ndarray, " 2"]:
     """Half of what one frame must show across and up, around the body's middle."""
     spans = [np.abs(side.links[episode] - _middle(side.links[episode])[:, None, None]).max(axis=(0, 1, 2)) for side in sides]
     return np.max(spans, axis=0)
@@ -54,7 +54,7 @@ def _middle(links: Float[np.ndarray, "T G 2 2"]) -> Float[np.ndarray, "T 2"]:
     return links.mean(axis=(1, 2))
 
 
-def _strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray, half: Float[np.ndarray, " 2"]) -> None:
+def strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray, half: Float[np.ndarray, " 2"]) -> None:
     """The poses side by side, each moved into its frame; below it its x."""
     title, colour = NAMES[side.name]
     links, stage = side.links[episode], scene.stage
@@ -69,13 +69,13 @@ def _strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray
             axis.axvline(scene.wall + offset[0], color=ORANGE, ls=(0, (3, 2)), lw=0.7, zorder=4)
         where = _place(float(side.across[episode, step]), millimetres, unit=place == 0)
         axis.annotate(
-            where, ((place + 0.5) / FRAMES, 0), (0, -2), "axes fraction", "offset points", ha="center", va="top", color=ink
+            where, ((place + 0.5) / len(shown), 0), (0, -2), "axes fraction", "offset points", ha="center", va="top", color=ink
         )
     if stage.floor is not None:
         axis.axhline(ground, color=GREY, lw=0.8)
     low, high = links[..., 1].min() - stage.radius.max(), links[..., 1].max() + stage.radius.max()
-    axis.set(xlim=(0, FRAMES * pitch), ylim=(min(low, ground), high), aspect="equal", anchor="C")
-    axis.set_title(f"{title}: {_said(side, episode)}", color=colour)
+    axis.set(xlim=(0, len(shown) * pitch), ylim=(min(low, ground), high), aspect="equal", anchor="C")
+    axis.set_title(f"{title}: {said(side, episode)}", color=colour)
     axis.set_axis_off()
 
 
@@ -101,7 +101,7 @@ def _capsule(ends: Float[np.ndarray, "2 2"], radius: float) -> Float[np.ndarray,
     )
 
 
-def _chart(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray) -> None:
+def chart(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray) -> None:
     """What the constraint bounds over the whole episode, violating steps in orange, the frames' instants as ticks above."""
     length, dt = int(side.length[episode]), scene.stage.dt
     time = (np.arange(length) + 0.5) * dt
@@ -132,7 +132,7 @@ def _delta(axis: Axes, scene: Scene, side: Side, episode: int) -> None:
     axis.set(ylim=(0, 1.08), yticks=[0, 1], ylabel=r"$\delta_1$")
 
 
-def _said(side: Side, episode: int) -> str:
+def said(side: Side, episode: int) -> str:
     rate, gained = side.violation_rate[episode], side.returns[episode]
     violates = f"violates in {100 * rate:.1f} % of its steps" if np.isfinite(rate) else "violations unknown"
     return violates + (f", return {gained:.1f}" if np.isfinite(gained) else "")
@@ -141,7 +141,7 @@ def _said(side: Side, episode: int) -> str:
 def _caption(scene: Scene, episode: int) -> str:
     parts = [
         f"Behaviour at {FRAMES} even instants (triangles) of one episode each.",
-        f"A demonstration: {_said(scene.expert, episode)}. {scene.title}: the policy {_said(scene.learned, episode)}.",
+        f"A demonstration: {said(scene.expert, episode)}. {scene.title}: the policy {said(scene.learned, episode)}.",
         "Violating poses and steps are orange; below each frame its x.",
     ]
     if scene.quantity:

@@ -27,17 +27,17 @@ def draw(result: Result, layout: Layout, found: Evidence) -> Iterator[Drawing]:
 
 def paths(result: Result, layout: Layout, found: Evidence) -> Drawing:
     """Trajectories of D_E, π and q of the first seed; those that violate are drawn last and in another colour."""
-    first = [_first_seed(result.expert), _first_seed(found.policy)]
+    first = [first_seed(result.expert), first_seed(found.policy)]
     titles = ["demonstrations $D_E$", r"policy $\pi$"]
     if result.plan.method.sampled_from != "policy":
-        first.append(_first_seed(found.sampled))
+        first.append(first_seed(found.sampled))
         titles.append("samples of $q$")
     figure = Figure(figsize=(2.3 * len(first) + 0.2, 2.6), layout="compressed")
     shares = []
     for axis, title, trajectories in zip(figure.subplots(1, len(first)), titles, first, strict=True):
         violating = evidence.infeasible(trajectories)
         shares.append(f"{title.split()[-1].strip('$')} {100 * violating.mean():.1f} %")
-        _draw_paths(axis, layout, _cells(trajectories, layout)[:NUM_PATHS], violating[:NUM_PATHS])
+        draw_paths(axis, layout, cells_of(trajectories, layout)[:NUM_PATHS], violating[:NUM_PATHS])
         draw_layout(axis, layout, filled=True)
         axis.set_title(title)
     for colour, label in ((BLUE, "feasible"), (ORANGE, "infeasible")):
@@ -93,7 +93,7 @@ def _any(steps: Bool[np.ndarray, "N T"]) -> Bool[np.ndarray, " N"]:
     return np.asarray(steps.any(axis=1))
 
 
-def _draw_paths(axis: Axes, layout: Layout, cells: Int[np.ndarray, "N T"], violating: Bool[np.ndarray, " N"]) -> None:
+def draw_paths(axis: Axes, layout: Layout, cells: Int[np.ndarray, "N T"], violating: Bool[np.ndarray, " N"]) -> None:
     shift = np.random.default_rng(0).uniform(-0.3, 0.3, (len(cells), 2))
     for index in np.argsort(violating, kind="stable"):
         row, column = np.divmod(cells[index], layout.size)
@@ -103,7 +103,7 @@ def _draw_paths(axis: Axes, layout: Layout, cells: Int[np.ndarray, "N T"], viola
     axis.vlines(np.arange(layout.size) - 0.5, -0.5, layout.size - 0.5, color=GREY, lw=0.3, zorder=1)
 
 
-def _cells(trajectories: Trajectory, layout: Layout) -> Int[np.ndarray, "N T1"]:
+def cells_of(trajectories: Trajectory, layout: Layout) -> Int[np.ndarray, "N T1"]:
     """The cells seen, and the one that the last action meant: what an episode's last step leads to is not observed."""
     seen = _visited_cells(trajectories)
     row, column = np.divmod(seen[:, -1], layout.size)
@@ -117,7 +117,7 @@ def _visited_cells(trajectories: Trajectory) -> Int[np.ndarray, "N T"]:
     return np.asarray(trajectories.obs).argmax(axis=-1)
 
 
-def _first_seed(trajectories: Trajectory) -> Trajectory:
+def first_seed(trajectories: Trajectory) -> Trajectory:
     return Trajectory(*(np.asarray(leaf)[0] for leaf in trajectories))  # pyright: ignore[reportArgumentType]
 
 

@@ -1,6 +1,7 @@
 """Algorithm 1 as one fused step: rollout, sampler, adversary and policy update of one seed, one after the other."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -19,6 +20,8 @@ from aircl_jax.rollout import rollouts
 from aircl_jax.sampler import SAMPLERS, take
 from aircl_jax.types import Metrics, ObsStats, Params, TrainState, Trajectory
 from envs import Env
+
+WARM_RATE = 3e-3  # Adam's, of the warm start: each of its steps is on all of D_E
 
 
 class Trainer(NamedTuple):
@@ -40,13 +43,18 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
     def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
         key, key_nets, key_replay = jax.random.split(key, 3)
-        params, stats = nets.init(key_nets), observation_stats(expert)
+        untrained, stats = nets.init(key_nets), observation_stats(expert)
+        ppo_opt = ppo.make_optimiser(config.ppo).init((untrained.policy, untrained.value))
+        params = untrained
+        if config.warm_start:
+            passes = replace(config.ppo, num_epochs=config.warm_start, learning_rate=WARM_RATE)
+            params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, passes)
         return TrainState(
             params=params,
-            ppo_opt=ppo.make_optimiser(config.ppo).init((params.policy, params.value)),
+            ppo_opt=ppo_opt,
             adversary_opt=adversary.make_optimiser(config).init((params.reward, params.feasibility)),
             obs_stats=stats,
-            replay=rollouts(env, nets, params, stats, key_replay, num_judged),
+            replay=rollouts(env, nets, untrained, stats, key_replay, num_judged),
             key=key,
             step=jnp.zeros((), jnp.int32),
         )

@@ -1,4 +1,8 @@
-"""How fast is it here: `python -m experiments.benchmark env=gridworld` prints steps per second, start-up, memory and parts."""
+"""How fast is it here: `python -m experiments.benchmark env=gridworld` prints steps per second, start-up, memory and parts.
+
+Settings, as NAME=VALUE: env, method, seeds, epochs (of PPO; 0: the row's own), integrator (of robots), and peer: true also
+measures the AIRL of the library imitation on a robot, in an environment of its own (`make .venv-peer/.installed`).
+"""
 
 import json
 import os
@@ -11,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, Literal
 
 from aircl_jax import runtime
 
@@ -20,6 +24,8 @@ runtime.prepare()  # before anything imports jax
 from experiments.arguments import parse  # noqa: E402
 
 REPEATS = 5  # of each timing; the median is printed
+PEERS = {"swimmer": "Swimmer-v5", "walker": "Walker2d-v5", "pendulum": "InvertedPendulum-v5"}  # as Gymnasium calls them
+PEER_PYTHON = Path(".venv-peer/bin/python")
 CHUNKS = 4  # of a timed run; the first compiles and is left out
 
 
@@ -28,6 +34,17 @@ class Settings:
     env: str = "gridworld"
     method: str = "aircl_corrected"
     seeds: int = 10
+    epochs: int = 0
+    integrator: Literal["euler", "rk4"] = "euler"
+    peer: bool = False
+
+    @property
+    def env_settings(self) -> dict[str, Any]:
+        return {"integrator": self.integrator} if self.env in PEERS else {}
+
+    @property
+    def training(self) -> dict[str, Any]:
+        return {"ppo": {"num_epochs": self.epochs}} if self.epochs else {}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -48,12 +65,23 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def measure(settings: Settings) -> dict[str, str]:
     """Each line of the report, as text."""
-    rows = {}
+    if settings.peer and settings.env not in PEERS:
+        raise ValueError(f"peer=true: env={settings.env} is no world of Gymnasium's; choose from {', '.join(PEERS)}")
+    if settings.peer and not PEER_PYTHON.exists():
+        raise ValueError(f"peer=true: {PEER_PYTHON} is missing; make it with: make .venv-peer/.installed")
+    if settings.integrator != "euler" and settings.env not in PEERS:
+        raise ValueError(f"integrator={settings.integrator}: env={settings.env} has none; choose from {', '.join(PEERS)}")
+    rows, fastest = {}, 0.0
     for seeds in dict.fromkeys((settings.seeds, 1)):
         steps, compiling = throughput(settings, seeds)
+        fastest = max(fastest, steps)
         rows[f"whole training, {seeds} seed(s), env steps/s"] = f"{steps:,.0f}"
         rows[f"  tracing and compiling, {seeds} seed(s), s"] = f"{compiling:.1f}"
     rows |= parts(settings)
+    if settings.peer:
+        theirs = peer(settings)
+        rows["AIRL of imitation, one seed, env steps/s"] = f"{theirs:,.0f}"
+        rows["  ours is faster by"] = f"{fastest / theirs:.1f}"
     rows["second start until the first chunk is on disk, s"] = f"{second_start(settings):.1f}"
     rows["peak memory of this process, GiB"] = f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f}"
     return rows
@@ -67,7 +95,15 @@ def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
 
     chunk = default_config(settings.env, get_method(settings.method).settings).chunk
     with tempfile.TemporaryDirectory() as place:
-        result = train(settings.env, settings.method, seeds=seeds, iterations=CHUNKS * chunk, run_dir=Path(place) / "run")
+        result = train(
+            settings.env,
+            settings.method,
+            seeds=seeds,
+            iterations=CHUNKS * chunk,
+            run_dir=Path(place) / "run",
+            env_settings=settings.env_settings,
+            config=settings.training,
+        )
     return result.summary["env_steps_per_s"], result.summary["compile_s"]
 
 
@@ -83,11 +119,12 @@ def parts(settings: Settings) -> dict[str, str]:
     from aircl_jax.networks import make_networks
     from aircl_jax.relabel import policy_reward
     from aircl_jax.rollout import rollouts
+    from aircl_jax.settings import updated
     from aircl_jax.train import make_trainer
     from envs import make_env
 
-    env, method = make_env(settings.env), get_method(settings.method)
-    config = default_config(settings.env, method.settings)
+    env, method = make_env(settings.env, **settings.env_settings), get_method(settings.method)
+    config = updated(default_config(settings.env, method.settings), settings.training)
     trainer, nets = make_trainer(env, method, config), make_networks(env, method, config)
     expert = jax.tree.map(lambda leaf: leaf[0], demonstrations(env, [0], config)[0])
     state = jax.jit(trainer.init)(jax.random.key(0), expert)
@@ -106,9 +143,56 @@ def parts(settings: Settings) -> dict[str, str]:
         lambda one: ppo.update(nets, params, state.ppo_opt, stats, one, reward, bonus, state.key, config.ppo), policy
     )
     _, whole = _timed(trainer.step, state, expert)
-    times = {"rollout": rolling, "relabelling": relabelling, "adversary": judging, "PPO": acting, "whole step": whole}
+    actions = policy.action.swapaxes(0, 1)
+
+    def physics(actions: Any) -> Any:
+        def one_step(states: Any, now: Any) -> Any:
+            keys = jax.random.split(state.key, number)
+            states, result = jax.vmap(env.step)(keys, states, now)
+            return states, result.reward
+
+        return jax.lax.scan(one_step, jax.vmap(env.reset)(jax.random.split(state.key, number))[0], actions)[1]
+
+    _, bare = _timed(physics, actions)
+    times = {
+        "bare physics": bare,
+        "rollout": rolling,
+        "relabelling": relabelling,
+        "adversary": judging,
+        "PPO": acting,
+        "whole step": whole,
+    }
     rows = {f"one seed, one device: {name}, ms": f"{1e3 * seconds:.1f}" for name, seconds in times.items()}
-    return rows | {"one seed, one device: whole step / rollout": f"{whole / rolling:.2f}"}
+    ratios = {"bare physics": whole / bare, "rollout": whole / rolling}
+    return rows | {f"one seed, one device: whole step / {name}": f"{ratio:.2f}" for name, ratio in ratios.items()}
+
+
+def peer(settings: Settings) -> float:
+    """Environment steps a second of imitation's AIRL on the same body, demonstrations, horizon and sizes; one seed."""
+    from importlib.resources import files
+
+    from aircl_jax.config import default_config
+    from aircl_jax.methods import get_method
+    from envs import make_env
+
+    config = default_config(settings.env, get_method(settings.method).settings)
+    env = make_env(settings.env)
+    words = {
+        "env": PEERS[settings.env],
+        "demonstrations": str(files("envs") / "demonstrations" / f"{env.demonstrations}.npz"),
+        "horizon": env.horizon,
+        "trajectories": config.num_trajectories,
+        "hidden": config.hidden,
+        "epochs": settings.epochs or config.ppo.num_epochs,
+        "minibatch": config.ppo.minibatch_size,
+        "judged": config.adversary.minibatch_size,
+        "steps": config.adversary.num_steps,
+    }
+    script = Path(__file__).with_name("peer_airl.py")
+    done = subprocess.run([PEER_PYTHON, script, json.dumps(words)], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ValueError(f"peer=true: {script.name} failed: {done.stderr.strip().splitlines()[-1]}")
+    return float(done.stdout.splitlines()[-1])
 
 
 def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:

@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from aircl_jax import evidence, experts, plots, plots_steps
+from aircl_jax import evidence, experts, plots, plots_steps, plots_tasks
 from aircl_jax.api import Result
 from aircl_jax.methods import METHODS, get_method
 from aircl_jax.networks import make_networks
@@ -225,3 +225,12 @@ def test_start_and_goal_are_named_and_obstacles_are_not():
 def test_numbers_in_captions_carry_their_spread_and_unit():
     assert in_words(0.0123, 0.001, percent=True) == "1.23 ± 0.10 %"
     assert in_words(48.36, None, percent=False) == "48.4"
+
+
+def test_figure_3_says_how_many_paths_of_a_grid_are_infeasible():
+    result = untrained("aircl_corrected")
+    with mpl.rc_context(STYLE):
+        drawing = plots_tasks.tasks({"gridworld": result})
+    share = 100 * evidence.infeasible(plots_tasks.first_seed(evidence.gather(result).policy)).mean()
+    assert f"(a) gridworld: infeasible are 0.0 % of the demonstrations and {share:.1f} % of the policy's" in drawing.caption
+    assert share > 0

@@ -21,6 +21,7 @@ from aircl_jax.runs import open_run
 from aircl_jax.seeds import seed_keys
 from aircl_jax.train import make_trainer
 from envs.constraints import CONSTRAINTS, Constraint
+from experiments import figure3
 from experiments.watch import main
 from tests.tiny import UNOPTIMISED
 
@@ -273,3 +274,15 @@ def test_a_mistake_is_one_line_and_exit_code_2(words, message, run_dir, tmp_path
 def test_help_says_what_each_word_is_for(capsys):
     assert main(["--help"]) == 0
     assert "film_strip.png" in capsys.readouterr().out
+
+
+def test_figure_3_draws_the_runs_that_are_there_and_says_which_are_not(run_dir, tmp_path, capsys):
+    (tmp_path / "pendulum").mkdir()
+    (tmp_path / "pendulum" / "aircl_corrected").symlink_to(run_dir)
+    assert figure3.main([f"runs={tmp_path}", f"out={tmp_path}/out"]) == 0
+    text = (tmp_path / "out" / "figure3.md").read_text()
+    assert "(a) pendulum: the demonstration violates in 0.0 % of its steps" in text
+    assert "No run yet: gridworld, swimmer, walker." in text
+    assert (tmp_path / "out" / "figure3.png").stat().st_size > 20_000
+    assert figure3.main([f"runs={tmp_path}/elsewhere"]) == 2
+    assert "has no run of aircl_corrected; make one of" in capsys.readouterr().err

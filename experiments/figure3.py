@@ -1,0 +1,68 @@
+"""The tasks with expert and learned paths (Figure 3): `python -m experiments.figure3` draws them from finished runs.
+
+runs     folder of runs as ENV/METHOD, such as those of `python -m experiments.table1`
+method   whose policy is shown
+out      folder for figure3.png and its caption, figure3.md
+"""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from aircl_jax import runtime
+
+runtime.prepare()  # before anything imports jax
+
+from experiments.arguments import parse  # noqa: E402
+from experiments.paper import COLUMNS  # noqa: E402
+
+
+@dataclass(frozen=True)
+class Settings:
+    runs: str = "runs/table1"
+    method: str = "aircl_corrected"
+    out: str = "results/figure3"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Draw and write; 0 done, 2 bad input."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    try:
+        path = draw(parse(words, Settings()), shlex.join(["python", "-m", "experiments.figure3", *words]))
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(f"wrote {path}")
+    return 0
+
+
+def draw(settings: Settings, command: str) -> Path:
+    """figure3.png and figure3.md of the runs that are there. Raises ValueError where there is none."""
+    import matplotlib as mpl
+
+    from aircl_jax import load, plots_tasks
+    from aircl_jax.plots_style import DPI, STYLE
+
+    places = {env: Path(settings.runs) / env / settings.method for env in COLUMNS}
+    there = {env: place for env, place in places.items() if place.is_dir()}
+    if not there:
+        raise ValueError(
+            f"runs={settings.runs} has no run of {settings.method}; make one of {', '.join(map(str, places.values()))}"
+        )
+    results = {env: load(place) for env, place in there.items()}
+    out = Path(settings.out)
+    out.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context(STYLE):
+        drawing = plots_tasks.tasks(results)
+        drawing.figure.savefig(out / "figure3.png", dpi=DPI)
+    absent = [env for env in places if env not in there]
+    missing = f"\n\nNo run yet: {', '.join(absent)}." if absent else ""
+    text = f"# The tasks, demonstrated and learned\n\n`{command}`\n\n![Figure 3](figure3.png)\n\n{drawing.caption}{missing}\n"
+    (out / "figure3.md").write_text(text)
+    return out / "figure3.md"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,75 @@
+"""Steps a second of the AIRL of the library imitation. Runs in .venv-peer, without this project: see benchmark.py."""
+
+import json
+import sys
+import time
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from imitation.algorithms.adversarial.airl import AIRL
+from imitation.data.types import Trajectory
+from imitation.rewards.reward_nets import BasicRewardNet
+from imitation.util.networks import RunningNorm
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import SubprocVecEnv
+
+ENVS = 2  # processes, one a core
+ROUNDS = 3  # the first is left out: it warms up
+
+
+def make_env(name: str, horizon: int) -> Any:
+    """Gymnasium's body at a fixed horizon, as imitation wants it."""
+    free = {} if name == "Swimmer-v5" else {"terminate_when_unhealthy": False}
+    world = gymnasium.make(name, max_episode_steps=horizon, **({} if name == "InvertedPendulum-v5" else free))
+    return FixedHorizon(world) if name == "InvertedPendulum-v5" else world
+
+
+class FixedHorizon(gymnasium.Wrapper):
+    """A fall ends nothing."""
+
+    def step(self, action: Any) -> Any:
+        obs, reward, _, truncated, info = self.env.step(action)
+        return obs, reward, False, truncated, info
+
+
+def main() -> None:
+    given = json.loads(sys.argv[1])
+    torch.set_num_threads(2)
+    file = np.load(given["demonstrations"])
+    demonstrations = [
+        Trajectory(np.concatenate([obs, obs[-1:]]), np.clip(action, -1, 1), None, terminal=False)
+        for obs, action in zip(file["obs"].astype(np.float64), file["action"].astype(np.float32), strict=True)
+    ]
+    venv = SubprocVecEnv([lambda: make_env(given["env"], given["horizon"])] * ENVS)
+    a_round = given["trajectories"] * given["horizon"]
+    policy = PPO(
+        "MlpPolicy",
+        venv,
+        n_steps=a_round // ENVS,
+        batch_size=given["minibatch"],
+        n_epochs=given["epochs"],
+        policy_kwargs={"net_arch": list(given["hidden"])},
+        device="cpu",
+    )
+    reward = BasicRewardNet(
+        venv.observation_space, venv.action_space, hid_sizes=tuple(given["hidden"]), normalize_input_layer=RunningNorm
+    )
+    trainer = AIRL(
+        demonstrations=demonstrations,
+        demo_batch_size=given["judged"],
+        venv=venv,
+        gen_algo=policy,
+        reward_net=reward,
+        n_disc_updates_per_round=given["steps"],
+        gen_train_timesteps=a_round,
+        allow_variable_horizon=True,
+    )
+    ends = []
+    trainer.train(a_round * ROUNDS, callback=lambda _: ends.append(time.perf_counter()))
+    print(a_round * (len(ends) - 1) / (ends[-1] - ends[0]))
+
+
+if __name__ == "__main__":
+    main()
