@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from aircl_jax import evidence, plots_codes, plots_curves, plots_grid, plots_maze, plots_paths, plots_steps
+from aircl_jax import evidence, plots_codes, plots_coordinates, plots_curves, plots_grid, plots_maze, plots_paths, plots_steps
 from aircl_jax.api import Result
 from aircl_jax.plots_style import BLUE, DPI, ORANGE, STYLE, Drawing, final, over_seeds
 from aircl_jax.preferences import recover
@@ -30,6 +30,9 @@ def draw(result: Result) -> Iterator[Drawing]:
             yield from plots_maze.draw(recovered, env.maze, over_seeds(result))
     elif env.tabular is None:
         yield from plots_steps.draw(result, found)
+        if plots_coordinates.is_additive(result):
+            limit = plots_steps.constraint_limit(env.name, result.plan.env_settings)
+            yield plots_coordinates.by_coordinate(result, found.policy.obs.reshape(-1, env.obs_size), limit)
     if result.plan.method.feasibility != "none" and _has_both_labels(result):
         yield reference_histogram(result, found)
     yield plots_curves.losses(result)
