@@ -43,14 +43,15 @@ def trajectory_logit(scores: Scores, reduction: str) -> Float[Array, " N"]:
 def judge(method: Method, config: TrainConfig, expert: Scores, sampled: Scores) -> tuple[Array, Array]:
     """Logits [N, K] of "expert is high" for both sets; K is 1 for a judge of trajectories, T for a judge of steps.
 
-    centred: h − b with h = f − log π and b = ½ (mean_E h + mean_S h), no gradient through b.
+    centred: h − b with h = f − β log π and b = ½ (mean_E h + mean_S h), no gradient through b.
     """
     if method.judge == "trajectory":
         reduction = config.adversary.trajectory_logit
         return trajectory_logit(expert, reduction)[:, None], trajectory_logit(sampled, reduction)[:, None]
     if method.judge == "feasibility":
         return expert.step_logit, sampled.step_logit
-    expert_logit, sampled_logit = expert.f - expert.log_pi, sampled.f - sampled.log_pi
+    temperature = config.temperature if method.judge == "centred" else 1.0
+    expert_logit, sampled_logit = (one.f - temperature * one.log_pi for one in (expert, sampled))
     if method.judge == "centred":
         expert_mean = mean_over_steps(expert_logit, expert.mask).mean()
         sampled_mean = mean_over_steps(sampled_logit, sampled.mask).mean()

@@ -17,8 +17,8 @@ def policy_reward(
 ) -> tuple[Float[Array, "N T"], Float[Array, " N"]]:
     """r_t = f(s_t, a_t) [− mean_E f] [+ log δ₁(s_t, a_t)] − β log π(a_t|s_t), and the trajectory's credit log δ_seq − mean.
 
-    The entropy is causal and inside the reward (J + H of Section 3.1). β = 1 for a learned f; the constant mean_E f, of a
-    centred judge, moves no optimum and keeps the critic's targets near zero.
+    The entropy is causal and inside the reward (J + H of Section 3.1). β = 1 in the paper's rows with a learned f; the constant
+    mean_E f, of a centred judge, moves no optimum and keeps the critic's targets near zero.
     """
     method, coefficients = nets.method, nets.config.coefficients
     scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, policy, policy.log_prob)
@@ -29,7 +29,7 @@ def policy_reward(
         reward = reward - mean_over_steps(expert_f, expert.mask).mean()
     if method.constrained_policy:
         reward = reward + jnp.maximum(log_step_feasibility(method, coefficients, scores), SIGMOID_FLOOR)
-    temperature = nets.config.temperature if method.needs_true_reward else 1.0
+    temperature = nets.config.temperature if method.needs_true_reward or method.judge == "centred" else 1.0
     reward = (reward - temperature * policy.log_prob) * policy.mask
 
     if not (method.constrained_policy and "sequence" in method.feasibility):
