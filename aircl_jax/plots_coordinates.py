@@ -9,8 +9,9 @@ from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 from aircl_jax.api import Result
+from aircl_jax.evidence import gather
 from aircl_jax.networks import AdditiveNet, Networks
-from aircl_jax.plots_steps import Limit
+from aircl_jax.plots_steps import Limit, constraint_limit
 from aircl_jax.plots_style import BLUE, GREEN, GREY, ORANGE, Drawing, over_seeds
 from aircl_jax.types import TrainState
 from envs import Box
@@ -23,6 +24,12 @@ LEAST = -6.0  # lower end of every axis: e^-6 is never
 
 def is_additive(result: Result) -> bool:
     return isinstance(result.networks.step_net, AdditiveNet) and "step" in result.plan.method.feasibility
+
+
+def of_result(result: Result) -> Drawing:
+    """The figure of a run by itself, with fresh episodes of its policy."""
+    limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
+    return by_coordinate(result, np.asarray(gather(result).policy.obs).reshape(-1, result.plan.env.obs_size), limit)
 
 
 def by_coordinate(result: Result, policy_obs: Float[np.ndarray, "M O"], limit: Limit | None) -> Drawing:

@@ -1,8 +1,9 @@
-"""The tasks with expert and learned paths (Figure 3): `python -m experiments.figure3` draws them from finished runs.
+"""The tasks with expert and learned paths (Figure 3), and what the constraint of a robot speaks of, from finished runs:
+`python -m experiments.figure3`, after `python -m experiments.table1`.
 
 runs     folder of runs as ENV/METHOD, such as those of `python -m experiments.table1`
 method   whose policy is shown
-out      folder for figure3.png and its caption, figure3.md
+out      folder for figure3.png, constraint_ENV.png and their captions in figure3.md
 """
 
 import shlex
@@ -39,28 +40,32 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def draw(settings: Settings, command: str) -> Path:
-    """figure3.png and figure3.md of the runs that are there. Raises ValueError where there is none."""
+    """The figures and figure3.md of the runs that are there. Raises ValueError where there is none."""
     import matplotlib as mpl
 
-    from aircl_jax import load, plots_tasks
+    from aircl_jax import load, plots_coordinates, plots_tasks
     from aircl_jax.plots_style import DPI, STYLE
 
     places = {env: Path(settings.runs) / env / settings.method for env in COLUMNS}
     there = {env: place for env, place in places.items() if place.is_dir()}
     if not there:
-        raise ValueError(
-            f"runs={settings.runs} has no run of {settings.method}; make one of {', '.join(map(str, places.values()))}"
-        )
+        known = ", ".join(map(str, places.values()))
+        raise ValueError(f"runs={settings.runs} has no run of {settings.method}; make one of {known}")
     results = {env: load(place) for env, place in there.items()}
     out = Path(settings.out)
     out.mkdir(parents=True, exist_ok=True)
+    lines = ["# The tasks, demonstrated and learned", "", f"`{command}`", ""]
     with mpl.rc_context(STYLE):
-        drawing = plots_tasks.tasks(results)
-        drawing.figure.savefig(out / "figure3.png", dpi=DPI)
+        drawings = {"figure3": plots_tasks.tasks(results)}
+        for env, result in results.items():
+            if plots_coordinates.is_additive(result):
+                drawings[f"constraint_{env}"] = plots_coordinates.of_result(result)
+        for name, drawing in drawings.items():
+            drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
+            lines += [f"![{name}]({name}.png)", "", drawing.caption, ""]
     absent = [env for env in places if env not in there]
-    missing = f"\n\nNo run yet: {', '.join(absent)}." if absent else ""
-    text = f"# The tasks, demonstrated and learned\n\n`{command}`\n\n![Figure 3](figure3.png)\n\n{drawing.caption}{missing}\n"
-    (out / "figure3.md").write_text(text)
+    lines += [f"No run yet: {', '.join(absent)}.", ""] if absent else []
+    (out / "figure3.md").write_text("\n".join(lines))
     return out / "figure3.md"
 
 

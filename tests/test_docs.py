@@ -78,6 +78,8 @@ UNDERSTOOD = {
     "experiments.table1": parsed_by("experiments.table1"),
     "experiments.benchmark": parsed_by("experiments.benchmark"),
     "experiments.watch": parsed_by("experiments.watch"),
+    "experiments.sweeps": parsed_by("experiments.sweeps"),
+    "experiments.figure3": parsed_by("experiments.figure3"),
 }
 
 

@@ -140,11 +140,12 @@ def test_minimal_constraint_term_of_the_corrected_row_speaks_of_the_sequence_fac
     np.testing.assert_allclose(term("minimal", "aircl_corrected"), expected, rtol=1e-10)
 
 
-def test_centred_judge_subtracts_the_midpoint_of_both_means_without_a_gradient():
-    batches = random_batches()
-    h = [naive(one).f - naive(one).log_pi for one in (batches.expert, batches.sampled)]
+@pytest.mark.parametrize("temperature", [1.0, 0.1])
+def test_centred_judge_subtracts_the_midpoint_of_both_means_without_a_gradient(temperature):
+    batches, config = random_batches(), replace(TINY, temperature=temperature)
+    h = [naive(one).f - temperature * naive(one).log_pi for one in (batches.expert, batches.sampled)]
     means = [masked(x, one, np.mean).mean() for x, one in zip(h, (batches.expert, batches.sampled), strict=True)]
-    logits = judge(METHODS["aircl_corrected"], TINY, batches.expert, batches.sampled)
+    logits = judge(METHODS["aircl_corrected"], config, batches.expert, batches.sampled)
     for logit, x in zip(logits, h, strict=True):
         np.testing.assert_allclose(logit, x - np.mean(means), rtol=1e-12)
 

@@ -88,6 +88,17 @@ def test_reward_sees_actions_as_the_box_clips_them():
     assert nets.reward(*along, jnp.asarray([1.0])) == nets.reward(*along, jnp.asarray([7.0]))
 
 
+def test_a_bounded_reward_is_the_same_near_zero_and_never_beyond_the_bound():
+    env = tiny_grid()
+    free, params = tiny_networks(env, "airl")
+    bounded, _ = tiny_networks(env, "airl", replace(TINY, reward_bound=2.0))
+    params = params._replace(reward=jax.tree.map(lambda leaf: 30.0 * leaf, params.reward))
+    along = (unit_stats(env), jnp.eye(9)[3], jnp.asarray(1))
+    f = free.reward(params.reward, *along)
+    np.testing.assert_allclose(bounded.reward(params.reward, *along), 2.0 * np.tanh(f / 2.0), rtol=1e-6)
+    assert abs(f) > 2.0
+
+
 @pytest.mark.parametrize("name", ["airl", "icrl", "aircl", "aircl_corrected"])
 def test_scores_without_a_feasibility_have_zero_logits(name):
     env = tiny_grid()

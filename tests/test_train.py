@@ -11,6 +11,7 @@ from jax.interpreters.partial_eval import dce_jaxpr
 from tiny import TINY, UNOPTIMISED, fused_step, poisoned, random_trajectories, tiny_grid
 
 from aircl_jax.methods import METHODS
+from aircl_jax.networks import make_networks
 from aircl_jax.train import make_trainer, observation_stats, refresh
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env, Step
@@ -47,6 +48,23 @@ def test_fused_step_of_every_row_moves_what_it_learns_and_nothing_else(name):
     assert moved(first.params.feasibility, last.params.feasibility) == (row.feasibility != "none")
     assert all(np.isfinite(value) for value in metrics.values())
     assert {f"loss_{term}" for term in row.terms} <= set(metrics)
+
+
+def test_a_warm_start_is_a_clone_of_the_demonstrations_and_nothing_else():
+    env, method = tiny_grid(), METHODS["aircl_corrected"]
+    expert = random_trajectories(env, 0, TINY.num_demonstrations)
+
+    def start(steps):
+        config = replace(TINY, warm_start=steps)
+        state = jax.jit(make_trainer(env, method, config).init)(jax.random.key(0), expert)
+        nets = make_networks(env, method, config)
+        along = jax.vmap(nets.log_pi, (None, None, 0))(state.params, state.obs_stats, expert)
+        return state, float((along * expert.mask).sum() / expert.mask.sum())
+
+    (cold, before), (warm, after) = start(0), start(60)
+    assert after > before + 0.1
+    assert_equal_and_finite(cold.params._replace(policy=None), warm.params._replace(policy=None))
+    assert_equal_and_finite(cold.replay, warm.replay)
 
 
 @pytest.mark.parametrize("name", ROWS)
