@@ -24,7 +24,7 @@ runtime.prepare()  # before anything imports jax
 from experiments.arguments import parse  # noqa: E402
 
 REPEATS = 5  # of each timing; the median is printed
-PEERS = {"swimmer": "Swimmer-v5", "walker": "Walker2d-v5", "pendulum": "InvertedPendulum-v5"}  # as Gymnasium calls them
+PEERS = {"swimmer": "Swimmer-v4", "walker": "Walker2d-v4", "pendulum": "InvertedPendulum-v4"}  # as Gymnasium calls them
 PEER_PYTHON = Path(".venv-peer/bin/python")
 CHUNKS = 4  # of a timed run; the first compiles and is left out
 

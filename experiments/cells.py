@@ -4,7 +4,7 @@ import hashlib
 import json
 import subprocess
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -12,10 +12,10 @@ from typing import Any, Literal
 import numpy as np
 
 from aircl_jax import train
-from aircl_jax.config import default_config
+from aircl_jax.config import TrainConfig, default_config
 from aircl_jax.plan import Plan, make_plan
 from aircl_jax.runs import CONFIG
-from aircl_jax.settings import flatten
+from aircl_jax.settings import flatten, plain
 from experiments.comparison import Values
 from experiments.paper import COLUMNS, METHODS_OF_THE_PAPER
 from experiments.progress import Reporter
@@ -198,13 +198,18 @@ def load(job: Job) -> dict[tuple[str, str], Cell]:
 
 
 def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
-    """{difference: the cells that were made so}: settings that are no longer those of this table."""
+    """{difference: the cells that were made so}: settings that are no longer those of this table.
+
+    A setting that a cell does not name is younger than the cell; its default is what was done before there was one.
+    """
     found: dict[str, list[str]] = {}
+    before = flatten({"train": plain(asdict(TrainConfig()))})
     for (env, method), cell in cells.items():
         here, there = flatten(settings_of(planned(job, env, method))), flatten(cell["settings"])
         for name in here | there:
-            if here.get(name) != there.get(name):
-                difference = f"{name} is {there.get(name)} there and {here.get(name)} here"
+            then = there.get(name, before.get(name))
+            if here.get(name) != then:
+                difference = f"{name} is {then} there and {here.get(name)} here"
                 found.setdefault(difference, []).append(f"{env}/{method}")
     return found
 
