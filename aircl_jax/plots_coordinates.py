@@ -46,9 +46,11 @@ def by_coordinate(result: Result, policy_obs: Float[np.ndarray, "M O"], limit: L
         names += [f"action {index}" for index in range(space.size)]
         low, high = (np.append(end, [bound] * space.size) for end, bound in ((low, space.low), (high, space.high)))
     grid = np.linspace(low, high, POINTS)  # [POINTS, I]
-    curves = np.asarray(jax.vmap(lambda state: curves_of(result.networks, state, jnp.asarray(grid)))(result.states))
-    typical = np.asarray(jax.vmap(lambda state: curves_of(result.networks, state, jnp.asarray(seen)))(result.states))
-    return _drawing(result, names, grid, curves - typical.mean(axis=1, keepdims=True), seen, limit)
+    curves = np.array(jax.vmap(lambda state: curves_of(result.networks, state, jnp.asarray(grid)))(result.states))
+    for index in range(len(names)):
+        for curve in curves[:, :, index]:
+            curve -= np.interp(seen[:, index], grid[:, index], curve).mean()
+    return _drawing(result, names, grid, curves, seen, limit)
 
 
 def curves_of(nets: Networks, state: TrainState, points: Float[Array, "K I"]) -> Float[Array, "K I"]:
