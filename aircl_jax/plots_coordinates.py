@@ -47,9 +47,8 @@ def by_coordinate(result: Result, policy_obs: Float[np.ndarray, "M O"], limit: L
         low, high = (np.append(end, [bound] * space.size) for end, bound in ((low, space.low), (high, space.high)))
     grid = np.linspace(low, high, POINTS)  # [POINTS, I]
     curves = np.array(jax.vmap(lambda state: curves_of(result.networks, state, jnp.asarray(grid)))(result.states))
-    for index in range(len(names)):
-        for curve in curves[:, :, index]:
-            curve -= np.interp(seen[:, index], grid[:, index], curve).mean()
+    for seed, index in np.ndindex(len(curves), len(names)):
+        curves[seed, :, index] -= np.interp(seen[:, index], grid[:, index], curves[seed, :, index]).mean()
     return _drawing(result, names, grid, curves, seen, limit)
 
 
