@@ -28,8 +28,8 @@ def film_strip(scene: Scene, episode: int = 0) -> Drawing:
     for place, side in enumerate(sides):
         strip, chart, *delta = axes[place * rows : (place + 1) * rows]
         shown = instants(int(side.length[episode]))
-        strip(strip, scene, side, episode, shown, half)
-        chart(chart, scene, side, episode, shown)
+        draw_strip(strip, scene, side, episode, shown, half)
+        draw_chart(chart, scene, side, episode, shown)
         for axis in delta:
             _delta(axis, scene, side, episode)
         for axis in (chart, *delta):
@@ -54,7 +54,7 @@ def _middle(links: Float[np.ndarray, "T G 2 2"]) -> Float[np.ndarray, "T 2"]:
     return links.mean(axis=(1, 2))
 
 
-def strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray, half: Float[np.ndarray, " 2"]) -> None:
+def draw_strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray, half: Float[np.ndarray, " 2"]) -> None:
     """The poses side by side, each moved into its frame; below it its x."""
     title, colour = NAMES[side.name]
     links, stage = side.links[episode], scene.stage
@@ -101,7 +101,7 @@ def _capsule(ends: Float[np.ndarray, "2 2"], radius: float) -> Float[np.ndarray,
     )
 
 
-def chart(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray) -> None:
+def draw_chart(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray) -> None:
     """What the constraint bounds over the whole episode, violating steps in orange, the frames' instants as ticks above."""
     length, dt = int(side.length[episode]), scene.stage.dt
     time = (np.arange(length) + 0.5) * dt

@@ -55,8 +55,9 @@ def _robot(part: SubFigure, result: Result) -> str:
     axes = part.subplots(2, 2, height_ratios=[1.0, 0.7], squeeze=False)
     for column, side in enumerate(sides):
         shown = plots_film.instants(int(side.length[0]), FRAMES)
-        plots_film.strip(axes[0, column], scene, side, 0, shown, half)
-        plots_film.chart(axes[1, column], scene, side, 0, shown)
+        plots_film.draw_strip(axes[0, column], scene, side, 0, shown, half)
+        axes[0, column].set_title(axes[0, column].get_title(loc="left"), color=plots_film.NAMES[side.name][1], fontsize=6)
+        plots_film.draw_chart(axes[1, column], scene, side, 0, shown)
         axes[1, column].set_xlim(0, side.links.shape[1] * scene.stage.dt)
         axes[1, column].set_xlabel("time (s)")
     low, high = (pick(axis.get_ylim()[end] for axis in axes[1]) for end, pick in ((0, min), (1, max)))
