@@ -116,9 +116,9 @@ def step_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, 
 def sequence_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Corrected, per trajectory, z of the order-aware encoder: with D_S as feasible with weight m beside D_E,
 
-    (E_E softplus(−z) + m E_S softplus(−z)) / (1 + m) + E_{P ∪ replay} softplus(z) + ρ E_{E ∪ S ∪ P ∪ replay} z².
+    (E_E softplus(−z) + m E_S softplus(−z)) / (1 + m) + E_{P ∪ replay} softplus(z) + η E_{E ∪ S ∪ P ∪ replay} z².
 
-    The ridge ρ bounds what a few demonstrations can say: without it z learns the fifty of a robot by heart.
+    The ridge η bounds what a few demonstrations can say: without it z learns the fifty of a robot by heart.
     """
     m = coefficients.sampled_coef
     expert, sampled = (jax.nn.softplus(-one.sequence_logit).mean() for one in (scores.expert, scores.sampled))

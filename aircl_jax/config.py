@@ -22,7 +22,7 @@ class Coefficients:
     sharpness: Scalar = 6.0  # k of the corrected test
     threshold: Scalar = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
     false_alarms: Scalar = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
-    sequence_ridge: Scalar = 0.0  # ρ: weight of z² of the corrected trajectory-level term
+    sequence_ridge: Scalar = 0.0  # η: weight of z² of the corrected trajectory-level term
     icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 

@@ -14,7 +14,7 @@ SHOWN = {  # metric: label, colour, least upper end of its axis
     "goal_rate": ("reaches the goal", BLUE, 1.0),
     "feasibility_auroc": (r"AUROC of $\bar\delta$", GREEN, 1.0),
     "feasibility_gap": (r"gap of $\bar\delta$", GREEN, 1.0),
-    "reward_correlation": ("correlation of $f$ and $r$", PURPLE, 1.0),
+    "reward_correlation": ("corr. of $f$, $r$", PURPLE, 1.0),
 }
 
 
