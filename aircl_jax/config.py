@@ -65,9 +65,7 @@ class TrainConfig:
     reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
     reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded f runs away; 0: none
     constraint_input: Literal["env", "state", "state_action"] = "env"  # δ₁ on s or on (s, a); env: as the environment says
-    warm_start: int = (
-        0  # Adam steps of behaviour cloning before the first iteration; the replay begins with the untrained policy
-    )
+    warm_start: int = 0  # Adam steps of cloning before the first iteration; the replay begins with the untrained policy
     temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation
     chunk: int = 25  # iterations between two checkpoints, log flushes and evaluations

@@ -20,7 +20,7 @@ STEPS = 3
 
 
 def assert_same_to_rounding(one, other):
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-5), one, other)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), one, other)
 
 
 @pytest.fixture(scope="module", params=["airl_centred", pytest.param("aircl_corrected", marks=pytest.mark.slow)])
