@@ -26,7 +26,7 @@ from experiments.arguments import parse  # noqa: E402
 REPEATS = 5  # of each timing; the median is printed
 PEERS = {"swimmer": "Swimmer-v4", "walker": "Walker2d-v4", "pendulum": "InvertedPendulum-v4"}  # as Gymnasium calls them
 PEER_PYTHON = Path(".venv-peer/bin/python")
-CHUNKS = 4  # of a timed run; the first compiles and is left out
+CHUNKS = 2  # of a timed run; the first compiles and is left out
 
 
 @dataclass(frozen=True)
