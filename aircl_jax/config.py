@@ -28,7 +28,7 @@ class Coefficients:
 
 @dataclass(frozen=True)
 class PPOConfig:
-    learning_rate: float = 5e-4  # Adam; Table 2
+    learning_rate: Scalar = 5e-4  # Adam; Table 2
     clip_eps: float = 0.1  # Table 2
     num_epochs: int = 4
     minibatch_size: int = 700  # transitions, rounded to whole trajectories; Table 2's "batch size"
@@ -43,7 +43,7 @@ class PPOConfig:
 
 @dataclass(frozen=True)
 class AdversaryConfig:
-    learning_rate: float = 5e-4  # Adam; Table 2
+    learning_rate: Scalar = 5e-4  # Adam; Table 2
     num_steps: int = 4  # gradient steps on the reward and the feasibility per iteration
     minibatch_size: int = 2500  # transitions of each set in a step, rounded to whole trajectories; all where there are fewer
     replay_rate: float = 0.02  # probability per iteration that a replay slot is overwritten
@@ -64,8 +64,9 @@ class TrainConfig:
     encoder: Literal["attention", "gru"] = "attention"  # of the trajectory-level feasibility: how it sees order
     reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
     reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded f runs away; 0: none
-    constraint_input: Literal["env", "state", "state_action"] = "env"  # δ₁ on s or on (s, a); env: as the environment says
+    constraint_input: Literal["env", "state", "action", "state_action"] = "env"  # of δ̄; env: as the environment says
     warm_start: int = 0  # Adam steps of cloning before the first iteration; the replay begins with the untrained policy
+    annealing: int = 0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
     temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation
     chunk: int = 25  # iterations between two checkpoints, log flushes and evaluations

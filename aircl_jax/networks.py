@@ -150,7 +150,9 @@ class Networks:
     def init(self, key: PRNGKeyArray) -> Params:
         key_policy, key_value, key_reward, key_step, key_sequence = jax.random.split(key, 5)
         acting = jnp.zeros(self.env.obs_size + self.env.finite_horizon)
-        judged = jnp.zeros(self.env.obs_size + self.feasibility_sees_action * self.env.action_space.feature_size)
+        judged = jnp.zeros(
+            self.feasibility_sees_state * self.env.obs_size + self.feasibility_sees_action * self.env.action_space.feature_size
+        )
         feasibility = {}
         if "step" in self.method.feasibility:
             feasibility["step"] = self.step_net.init(key_step, judged)
@@ -161,16 +163,24 @@ class Networks:
             value=self.value_net.init(key_value, acting),
             reward=self.reward_net.init(key_reward, jnp.zeros(self.reward_size)),
             feasibility=feasibility,
-            thresholds=Thresholds(*[jnp.log(self.config.coefficients.threshold)] * 2),
+            # Never weakly typed: a state that `step` returns with another type would compile the whole chunk a second time.
+            thresholds=Thresholds(*[jnp.log(jnp.asarray(self.config.coefficients.threshold, jnp.float32))] * 2),
         )
 
     @property
+    def constraint_input(self) -> str:
+        """What the feasibility is a function of, "state", "action" or "state_action": the latter in all of the paper's rows."""
+        if self.config.constraint_input != "env":
+            return self.config.constraint_input
+        return "state_action" if self.method.test == "sigmoid" else self.env.constraint_input
+
+    @property
+    def feasibility_sees_state(self) -> bool:
+        return self.constraint_input in ("state", "state_action")
+
+    @property
     def feasibility_sees_action(self) -> bool:
-        """Whether the feasibility is a function of states and actions rather than of states: the paper's rows always are."""
-        choice = self.config.constraint_input
-        if choice == "env":
-            return self.env.constraint_input == "state_action" or self.method.test == "sigmoid"
-        return choice == "state_action"
+        return self.constraint_input in ("action", "state_action")
 
     @property
     def reward_size(self) -> int:
@@ -206,11 +216,9 @@ class Networks:
         return bound * jnp.tanh(f / bound) if bound else f
 
     def feasibility_input(self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
-        """What both factors of the feasibility see of a step: s̃, and the action where constraints may speak of it."""
-        seen = self.normalise(stats, obs)
-        if not self.feasibility_sees_action:
-            return seen
-        return jnp.concatenate([seen, self.env.action_space.features(action)])
+        """What both factors of the feasibility see of a step: s̃, the action, or both, as constraints may speak of them."""
+        seen = [self.normalise(stats, obs)] if self.feasibility_sees_state else []
+        return jnp.concatenate([*seen, *([self.env.action_space.features(action)] if self.feasibility_sees_action else [])])
 
     def step_logit(
         self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]

@@ -33,16 +33,16 @@ def of_result(result: Result) -> Drawing:
 
 
 def by_coordinate(result: Result, policy_obs: Float[np.ndarray, "M O"], limit: Limit | None) -> Drawing:
-    """g_i(x_i) − mean_E g_i of every observed coordinate and action. Use within `matplotlib.rc_context(STYLE)`."""
-    obs = np.asarray(result.expert.obs[0])[np.asarray(result.expert.mask[0]) > 0]
-    names = [f"coordinate {index}" for index in range(obs.shape[1])]
-    seen = obs
-    both = np.concatenate([obs, policy_obs])
-    low, high = np.quantile(both, [SHARE, 1 - SHARE], axis=0)
-    space = result.plan.env.action_space
-    if result.networks.feasibility_sees_action and isinstance(space, Box):
-        action = np.asarray(result.expert.action[0])[np.asarray(result.expert.mask[0]) > 0]
-        seen = np.concatenate([obs, np.clip(action, space.low, space.high)], axis=1)
+    """g_i(x_i) − mean_E g_i of every coordinate and action that δ₁ sees. Use within `matplotlib.rc_context(STYLE)`."""
+    nets, space = result.networks, result.plan.env.action_space
+    kept = np.asarray(result.expert.mask[0]) > 0
+    obs, action = np.asarray(result.expert.obs[0])[kept], np.asarray(result.expert.action[0])[kept]
+    seen, names, low, high = obs[:, :0], [], np.empty(0), np.empty(0)
+    if nets.feasibility_sees_state:
+        seen, names = obs, [f"coordinate {index}" for index in range(obs.shape[1])]
+        low, high = np.quantile(np.concatenate([obs, policy_obs]), [SHARE, 1 - SHARE], axis=0)
+    if nets.feasibility_sees_action and isinstance(space, Box):
+        seen = np.concatenate([seen, np.clip(action, space.low, space.high)], axis=1)
         names += [f"action {index}" for index in range(space.size)]
         low, high = (np.append(end, [bound] * space.size) for end, bound in ((low, space.low), (high, space.high)))
     grid = np.linspace(low, high, POINTS)  # [POINTS, I]
@@ -55,8 +55,10 @@ def by_coordinate(result: Result, policy_obs: Float[np.ndarray, "M O"], limit: L
 def curves_of(nets: Networks, state: TrainState, points: Float[Array, "K I"]) -> Float[Array, "K I"]:
     """The logit with coordinate i at each of its points and the others at D_E's mean, less that of the mean itself."""
     stats, number = state.obs_stats, nets.env.obs_size
-    normalised = jax.vmap(lambda obs: nets.normalise(stats, obs))(points[:, :number])
-    features = jnp.concatenate([normalised, points[:, number:]], axis=1)
+    features = points
+    if nets.feasibility_sees_state:
+        normalised = jax.vmap(lambda obs: nets.normalise(stats, obs))(points[:, :number])
+        features = jnp.concatenate([normalised, points[:, number:]], axis=1)
 
     def logit(feature: Float[Array, " I"]) -> Float[Array, ""]:
         params: Any = state.params.feasibility["step"]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from aircl_jax import adversary, cloning, ppo
 from aircl_jax.adversary import Batches
@@ -61,7 +61,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_sampler, key_adversary, key_policy, key_replay = jax.random.split(state.key, 6)
-        params, stats = state.params, state.obs_stats
+        params, stats, now = state.params, state.obs_stats, annealed(nets, state.step)
 
         policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4: D_P
         log_delta = trajectory_feasibility(nets, params, stats, policy)
@@ -70,15 +70,15 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         recent = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
         batches = Batches(expert, sampled, recent, replay=state.replay)
         params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6
-            nets, params, state.adversary_opt, stats, batches, key_adversary
+            now, params, state.adversary_opt, stats, batches, key_adversary
         )
         params = calibrated(nets, params, stats, expert)
         if method.learner == "cloning":
-            params, ppo_opt, policy_metrics = cloning.update(nets, params, state.ppo_opt, stats, expert, config.ppo)
+            params, ppo_opt, policy_metrics = cloning.update(now, params, state.ppo_opt, stats, expert, now.config.ppo)
         else:
             reward, bonus = policy_reward(nets, params, stats, expert, policy)
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
-                nets, params, state.ppo_opt, stats, policy, reward, bonus, key_policy, config.ppo
+                now, params, state.ppo_opt, stats, policy, reward, bonus, key_policy, now.config.ppo
             )
         expert_log_delta = trajectory_feasibility(nets, state.params, stats, expert)
         metrics = step_metrics(sampled, policy, log_delta, expert_log_delta)
@@ -93,6 +93,17 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         return state, {**metrics, **adversary_metrics, **policy_metrics}
 
     return Trainer(init, step)
+
+
+def annealed(nets: Networks, step: Int[Array, ""]) -> Networks:
+    """The networks with both learning rates as they are in this iteration: (1 − step / annealing) of the settings'."""
+    config = nets.config
+    if not config.annealing:
+        return nets
+    left = jnp.maximum(1.0 - step / config.annealing, 0.0)
+    ppo = replace(config.ppo, learning_rate=left * config.ppo.learning_rate)
+    adversary = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
+    return replace(nets, config=replace(config, ppo=ppo, adversary=adversary))
 
 
 def observation_stats(expert: Trajectory) -> ObsStats:

@@ -1,7 +1,8 @@
 """How fast is it here: `python -m experiments.benchmark env=gridworld` prints steps per second, start-up, memory and parts.
 
-Settings, as NAME=VALUE: env, method, seeds, epochs (of PPO; 0: the row's own), integrator (of robots), and peer: true also
-measures the AIRL of the library imitation on a robot, in an environment of its own (`make .venv-peer/.installed`).
+Settings, as NAME=VALUE: env, method, seeds, chunk (iterations that are timed; 0: the row's own), epochs (of PPO; 0: the row's
+own), integrator (of robots), and peer: true also measures the AIRL of the library imitation on a robot, in an environment of
+its own (`make .venv-peer/.installed`).
 """
 
 import json
@@ -34,6 +35,7 @@ class Settings:
     env: str = "gridworld"
     method: str = "aircl_corrected"
     seeds: int = 10
+    chunk: int = 0
     epochs: int = 0
     integrator: Literal["euler", "rk4"] = "euler"
     peer: bool = False
@@ -44,7 +46,8 @@ class Settings:
 
     @property
     def training(self) -> dict[str, Any]:
-        return {"ppo": {"num_epochs": self.epochs}} if self.epochs else {}
+        own = {"chunk": self.chunk} if self.chunk else {}
+        return own | ({"ppo": {"num_epochs": self.epochs}} if self.epochs else {})
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -82,7 +85,7 @@ def measure(settings: Settings) -> dict[str, str]:
         theirs = peer(settings)
         rows["AIRL of imitation, one seed, env steps/s"] = f"{theirs:,.0f}"
         rows["  ours is faster by"] = f"{fastest / theirs:.1f}"
-    rows["second start until the first chunk is on disk, s"] = f"{second_start(settings):.1f}"
+    rows["second start until the first iteration is on disk, s"] = f"{second_start(settings):.1f}"
     rows["peak memory of this process, GiB"] = f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f}"
     return rows
 
@@ -93,7 +96,7 @@ def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
     from aircl_jax.config import default_config
     from aircl_jax.methods import get_method
 
-    chunk = default_config(settings.env, get_method(settings.method).settings).chunk
+    chunk = settings.chunk or default_config(settings.env, get_method(settings.method).settings).chunk
     with tempfile.TemporaryDirectory() as place:
         result = train(
             settings.env,
@@ -209,12 +212,18 @@ def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:
 
 
 def second_start(settings: Settings) -> float:
-    """Seconds from typing the command to its first metrics on disk, once the compilation cache is warm."""
+    """Seconds from typing the command to its first iteration's metrics on disk, once the compilation cache is warm."""
     seconds = 0.0
     for _ in range(2):
         with tempfile.TemporaryDirectory() as place:
             metrics = Path(place) / "run" / "metrics.jsonl"
-            words = [f"env={settings.env}", f"method={settings.method}", f"seeds={settings.seeds}"]
+            words = [
+                f"env={settings.env}",
+                f"method={settings.method}",
+                f"seeds={settings.seeds}",
+                "iterations=1",
+                "train.chunk=1",
+            ]
             command = [sys.executable, "-m", "experiments.run", *words, f"run_dir={metrics.parent}"]
             start = time.perf_counter()
             with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:

@@ -117,6 +117,19 @@ def test_step_feasibility_of_the_papers_rows_sees_actions_and_ours_where_the_wor
     assert make_networks(torque, METHODS[method], TINY).feasibility_sees_action
 
 
+@pytest.mark.parametrize(
+    ("sees", "moves"), [("state", (True, False)), ("action", (False, True)), ("state_action", (True, True))]
+)
+def test_feasibility_is_a_function_of_what_the_settings_say(sees, moves):
+    env = one_state_env(lambda t, action: action.sum(), action_space=Box(2))
+    nets, params = tiny_networks(env, "aircl_corrected", replace(TINY, constraint_input=sees))
+
+    def logit(obs, action):
+        return float(nets.step_logit(params.feasibility, unit_stats(env), jnp.eye(2)[obs], jnp.full(2, action)))
+
+    assert (logit(0, 0.1) != logit(1, 0.1), logit(0, 0.1) != logit(0, 0.9)) == moves
+
+
 def test_additive_step_feasibility_is_a_sum_over_coordinates():
     env = one_state_env(lambda t, action: action.sum(), action_space=Box(2))
     env = replace(env, constraint_input="state_action")

@@ -12,7 +12,7 @@ from tiny import TINY, UNOPTIMISED, fused_step, poisoned, random_trajectories, t
 
 from aircl_jax.methods import METHODS
 from aircl_jax.networks import make_networks
-from aircl_jax.train import make_trainer, observation_stats, refresh
+from aircl_jax.train import annealed, make_trainer, observation_stats, refresh
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env, Step
 
@@ -48,6 +48,40 @@ def test_fused_step_of_every_row_moves_what_it_learns_and_nothing_else(name):
     assert moved(first.params.feasibility, last.params.feasibility) == (row.feasibility != "none")
     assert all(np.isfinite(value) for value in metrics.values())
     assert {f"loss_{term}" for term in row.terms} <= set(metrics)
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_a_step_returns_a_state_of_the_types_it_was_given_or_a_chunk_would_compile_twice(name):
+    env = tiny_grid()
+    trainer = make_trainer(env, METHODS[name], TINY)
+    expert = random_trajectories(env, 0, TINY.num_demonstrations)
+    before = jax.eval_shape(trainer.init, jax.random.key(0), expert)
+    after = jax.eval_shape(lambda *inputs: trainer.step(*inputs)[0], before, expert)
+    assert jax.tree.leaves(before) == jax.tree.leaves(after)  # weak_type is compared too
+
+
+@pytest.mark.parametrize("name", ["airl_centred", "bc"])
+def test_annealed_learning_rates_are_linear_and_end_at_zero(name):
+    env, config = tiny_grid(), replace(TINY, annealing=4)
+    nets = make_networks(env, METHODS[name], config)
+    for step, share in ((0, 1.0), (1, 0.75), (4, 0.0), (9, 0.0)):
+        now = annealed(nets, jnp.asarray(step)).config
+        np.testing.assert_allclose(now.ppo.learning_rate, share * config.ppo.learning_rate, rtol=1e-6)
+        np.testing.assert_allclose(now.adversary.learning_rate, share * config.adversary.learning_rate, rtol=1e-6)
+
+
+def test_nothing_learns_once_the_learning_rates_are_annealed():
+    env, config = tiny_grid(), replace(TINY, annealing=1)
+    trainer = make_trainer(env, METHODS["aircl_corrected"], config)
+    expert = random_trajectories(env, 0, TINY.num_demonstrations)
+    step = jax.jit(trainer.step, compiler_options=UNOPTIMISED)
+    first = jax.jit(trainer.init, compiler_options=UNOPTIMISED)(jax.random.key(0), expert)
+    second, _ = step(first, expert)
+    third, _ = step(second, expert)
+    assert moved(first.params.policy, second.params.policy)
+    assert moved(first.params.reward, second.params.reward)
+    for name in ("policy", "value", "reward", "feasibility"):
+        assert not moved(getattr(second.params, name), getattr(third.params, name))
 
 
 def test_a_warm_start_is_a_clone_of_the_demonstrations_and_nothing_else():
