@@ -138,14 +138,19 @@ def _tuned_robot(row: TrainConfig) -> TrainConfig:
 
 # From scratch 100 iterations are too few to walk (returns of 400 of 1241): it begins as the clone of its demonstrations and is
 # moved slowly. Six narrow actions make log π too sharp for f to follow at β = 1: the judge fell behind, σ rose, and f ran away.
+# The clone shows what demonstrations do and hardly anything else, so that no policy of the run says where the torques' limit
+# is. The replay does: it keeps the episodes of a policy that knows nothing and whose σ is the whole box, and the feasibility
+# sees actions alone, for such episodes fall, which no demonstration does and no constraint forbids.
 _WALKER = _tuned_robot(_ROBOT)
 _TUNED_WALKER = replace(
     _WALKER,
     warm_start=1000,
     temperature=0.1,
     reward_bound=20.0,
-    ppo=replace(_WALKER.ppo, learning_rate=3e-4),
-    adversary=replace(_WALKER.adversary, num_steps=20),
+    constraint_input="action",
+    coefficients=Coefficients(sequence_ridge=1.0),
+    ppo=replace(_WALKER.ppo, learning_rate=3e-4, log_std_init=0.0),
+    adversary=replace(_WALKER.adversary, num_steps=20, learning_rate=4e-3, replay_rate=0.0),
 )
 
 # What the centred and corrected rows run with.
