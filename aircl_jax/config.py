@@ -119,8 +119,8 @@ _TUNED_NONMARKOV = replace(
     adversary=replace(_TUNED_GRID.adversary, num_steps=8),
     coefficients=Coefficients(sampled_coef=0.4),
 )
-# It begins as the clone, and both rates fall to 0: else rare codes never settle. The replay keeps windows of random codes, beside
-# which what is rarely done stands far above what is never done; ϑ lies between the two.
+# They begin as the clone, and both rates fall to 0: else rare codes never settle. The replay keeps windows of random codes,
+# beside which what is rarely done stands far above what is never done; ϑ lies between the two.
 _TUNED_ANIMALS = replace(
     _ANIMALS,
     warm_start=1000,

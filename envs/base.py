@@ -122,7 +122,7 @@ class Env:
     finite_horizon: bool = False  # the task ends at the horizon: the policy sees t/T and nothing is worth anything after it
     reward_view: Callable[[Float[Array, " O"]], Float[Array, " R"]] = _identity  # the smooth coordinates that f may see
     reward_view_size: int = 0  # R; 0 stands for obs_size
-    constraint_input: Literal["state", "state_action"] = "state"  # what a constraint of this kind of task speaks of
+    constraint_input: Literal["state", "action", "state_action"] = "state"  # what a constraint of this kind of task speaks of
     has_reward: bool = True  # False for animals: there is no true reward to read, and `step` gives NaN
     tabular: Tabular | None = None  # the world as tables, where it is finite
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite

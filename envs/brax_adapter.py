@@ -21,7 +21,7 @@ def adapt(
     violated: Callable[[Any, Float[Array, " A"]], Bool[Array, ""]],
     horizon: int,
     terminate: bool = False,
-    constraint_input: Literal["state", "state_action"] = "state_action",
+    constraint_input: Literal["state", "action", "state_action"] = "state_action",
 ) -> Env:
     """`violated(state after the step, clipped action)` is the cost. Raises ValueError on dictionary observations."""
     box = Box(world.action_size)

@@ -132,7 +132,7 @@ def harvest(task: Task, draw: Sampler, states: LagrangianState) -> dict[str, Any
 
 def _clipped(task: Task, draw: Sampler, free: LagrangianState, key: jax.Array) -> dict[str, Judgement]:
     """Where actions are constrained: the unconstrained expert with its actions clipped to the limit."""
-    if task.env.constraint_input != "state_action":
+    if task.env.constraint_input == "state":
         return {}
     limit = task.env_settings["limit"]
     if limit == "default":

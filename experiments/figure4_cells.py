@@ -67,7 +67,7 @@ class Settings:
         rate = {"learning_rate": LEARNING_RATES[method]} if method in LEARNING_RATES else {}
         if self.scale == "full":
             return {"ppo": rate}
-        few = {"num_trajectories": 10, "num_evaluation": 8, "chunk": 2}
+        few = {"num_trajectories": 10, "num_evaluation": 8, "chunk": 2, "warm_start": 4}
         return few | {"adversary": {"num_steps": 1}, "ppo": {"num_epochs": 1} | rate}
 
 
