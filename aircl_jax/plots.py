@@ -31,8 +31,7 @@ def draw(result: Result) -> Iterator[Drawing]:
     elif env.tabular is None:
         yield from plots_steps.draw(result, found)
         if plots_coordinates.is_additive(result):
-            limit = plots_steps.constraint_limit(env.name, result.plan.env_settings)
-            yield plots_coordinates.by_coordinate(result, np.asarray(found.policy.obs).reshape(-1, env.obs_size), limit)
+            yield plots_coordinates.by_coordinate(result, found.policy)
     if result.plan.method.feasibility != "none" and _has_both_labels(result):
         yield reference_histogram(result, found)
     yield plots_curves.losses(result)

@@ -9,11 +9,10 @@ from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 from aircl_jax.api import Result
-from aircl_jax.evidence import gather
 from aircl_jax.networks import AdditiveNet, Networks
 from aircl_jax.plots_steps import Limit, constraint_limit
 from aircl_jax.plots_style import BLUE, GREEN, GREY, ORANGE, Drawing, over_seeds
-from aircl_jax.types import TrainState
+from aircl_jax.types import TrainState, Trajectory
 from envs import Box
 
 POINTS = 121  # of each curve
@@ -26,21 +25,21 @@ def is_additive(result: Result) -> bool:
     return isinstance(result.networks.step_net, AdditiveNet) and "step" in result.plan.method.feasibility
 
 
-def of_result(result: Result) -> Drawing:
-    """The figure of a run by itself, with fresh episodes of its policy."""
+def by_coordinate(result: Result, policy: Trajectory) -> Drawing:
+    """g_i(x_i) − mean_E g_i of every coordinate and action that δ₁ sees, over the span of D_E and of π's episodes [S, N, T, …].
+
+    Use within `matplotlib.rc_context(STYLE)`.
+    """
     limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
-    return by_coordinate(result, np.asarray(gather(result).policy.obs).reshape(-1, result.plan.env.obs_size), limit)
-
-
-def by_coordinate(result: Result, policy_obs: Float[np.ndarray, "M O"], limit: Limit | None) -> Drawing:
-    """g_i(x_i) − mean_E g_i of every coordinate and action that δ₁ sees. Use within `matplotlib.rc_context(STYLE)`."""
     nets, space = result.networks, result.plan.env.action_space
     kept = np.asarray(result.expert.mask[0]) > 0
     obs, action = np.asarray(result.expert.obs[0])[kept], np.asarray(result.expert.action[0])[kept]
     seen, names, low, high = obs[:, :0], [], np.empty(0), np.empty(0)
     if nets.feasibility_sees_state:
         seen, names = obs, [f"coordinate {index}" for index in range(obs.shape[1])]
-        low, high = np.quantile(np.concatenate([obs, policy_obs]), [SHARE, 1 - SHARE], axis=0)
+        low, high = np.quantile(
+            np.concatenate([obs, np.asarray(policy.obs).reshape(-1, obs.shape[1])]), [SHARE, 1 - SHARE], axis=0
+        )
     if nets.feasibility_sees_action and isinstance(space, Box):
         seen = np.concatenate([seen, np.clip(action, space.low, space.high)], axis=1)
         names += [f"action {index}" for index in range(space.size)]

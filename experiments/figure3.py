@@ -44,6 +44,7 @@ def draw(settings: Settings, command: str) -> Path:
     import matplotlib as mpl
 
     from aircl_jax import load, plots_coordinates, plots_tasks
+    from aircl_jax.evidence import gather
     from aircl_jax.plots_style import DPI, STYLE
 
     places = {env: Path(settings.runs) / env / settings.method for env in COLUMNS}
@@ -59,7 +60,7 @@ def draw(settings: Settings, command: str) -> Path:
         drawings = {"figure3": plots_tasks.tasks(results)}
         for env, result in results.items():
             if plots_coordinates.is_additive(result):
-                drawings[f"constraint_{env}"] = plots_coordinates.of_result(result)
+                drawings[f"constraint_{env}"] = plots_coordinates.by_coordinate(result, gather(result).policy)
         for name, drawing in drawings.items():
             drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
             lines += [f"![{name}]({name}.png)", "", drawing.caption, ""]
