@@ -33,7 +33,7 @@ from envs import Tabular
 from envs.meerkat import Herd, demonstrations, held_out_recordings, load
 from envs.options import MeerkatOptions
 
-METHODS = ("airl", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
+METHODS = ("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
 GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the simulated mob
 HELD_OUT = ("aircl_corrected", "airl", "bc")
 LEARNING_RATES = {"bc": 3e-3}  # where it is not the row's own: cloning takes few steps, each on all windows
