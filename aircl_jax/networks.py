@@ -169,7 +169,7 @@ class Networks:
 
     @property
     def constraint_input(self) -> str:
-        """What the feasibility is a function of, "state", "action" or "state_action": the latter in all of the paper's rows."""
+        """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows."""
         if self.config.constraint_input != "env":
             return self.config.constraint_input
         return "state_action" if self.method.test == "sigmoid" else self.env.constraint_input
@@ -217,8 +217,8 @@ class Networks:
 
     def feasibility_input(self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
         """What both factors of the feasibility see of a step: s̃, the action, or both, as constraints may speak of them."""
-        seen = [self.normalise(stats, obs)] if self.feasibility_sees_state else []
-        return jnp.concatenate([*seen, *([self.env.action_space.features(action)] if self.feasibility_sees_action else [])])
+        state, taken = self.normalise(stats, obs), self.env.action_space.features(action)
+        return jnp.concatenate([state] * self.feasibility_sees_state + [taken] * self.feasibility_sees_action)
 
     def step_logit(
         self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]
