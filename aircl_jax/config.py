@@ -65,7 +65,7 @@ class TrainConfig:
     reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
     reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded f runs away; 0: none
     constraint_input: Literal["env", "state", "action", "state_action"] = "env"  # of δ̄; env: as the environment says
-    warm_start: int = 0  # Adam steps of cloning before the first iteration; the replay begins with the untrained policy
+    warm_start: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
     annealing: int = 0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
     temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation
@@ -123,7 +123,7 @@ _TUNED_NONMARKOV = replace(
 # beside which what is rarely done stands far above what is never done; ϑ lies between the two.
 _TUNED_ANIMALS = replace(
     _ANIMALS,
-    warm_start=1000,
+    warm_start=100,
     annealing=200,
     ppo=replace(_ANIMALS.ppo, learning_rate=7e-4, clip_eps=0.2, minibatch_size=2500),
     adversary=replace(_ANIMALS.adversary, num_steps=8, learning_rate=3e-3, minibatch_size=2500, replay_rate=0.0),
@@ -149,7 +149,7 @@ def _tuned_robot(row: TrainConfig) -> TrainConfig:
 _WALKER = _tuned_robot(_ROBOT)
 _TUNED_WALKER = replace(
     _WALKER,
-    warm_start=1000,
+    warm_start=120,
     temperature=0.1,
     reward_bound=20.0,
     constraint_input="action",

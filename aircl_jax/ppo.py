@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, cast
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from aircl_jax.config import PPOConfig
 from aircl_jax.networks import Networks, project_log_std
@@ -51,6 +51,13 @@ def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
         return tuple(clip.update(one, optax.EmptyState())[0] for one in grads)
 
     return optax.chain(optax.stateless(clip_each), optax.adam(config.learning_rate, eps=1e-5))
+
+
+def epoch_order(key: PRNGKeyArray, number: int, horizon: int, minibatch_size: int) -> Int[Array, "M B"]:
+    """Indices of one pass over `number` trajectories: M minibatches of B whole ones, about `minibatch_size` transitions."""
+    num_minibatches = min(number, max(1, number * horizon // minibatch_size))
+    size = number // num_minibatches
+    return jax.random.permutation(key, number)[: num_minibatches * size].reshape(num_minibatches, size)
 
 
 class Batch(NamedTuple):
@@ -110,9 +117,6 @@ def update(
     batch = Batch(policy, (credited - centre) / (spread + 1e-8), target)
 
     optimiser = make_optimiser(config)
-    number, horizon = policy.mask.shape
-    num_minibatches = max(1, number * horizon // config.minibatch_size)
-    size = number // num_minibatches
 
     def minibatch_step(carry: tuple, index: Array) -> tuple[tuple, Metrics]:
         params, opt_state = carry
@@ -126,8 +130,7 @@ def update(
         return (params, opt_state), metrics
 
     def epoch(carry: tuple, key_epoch: PRNGKeyArray) -> tuple[tuple, Metrics]:
-        order = jax.random.permutation(key_epoch, number)[: num_minibatches * size]
-        return jax.lax.scan(minibatch_step, carry, order.reshape(num_minibatches, size))
+        return jax.lax.scan(minibatch_step, carry, epoch_order(key_epoch, *policy.mask.shape, config.minibatch_size))
 
     keys = jax.random.split(key, config.num_epochs)
     (params, opt_state), metrics = jax.lax.scan(epoch, (params, opt_state), keys)

@@ -21,7 +21,7 @@ from aircl_jax.sampler import SAMPLERS, take
 from aircl_jax.types import Metrics, ObsStats, Params, TrainState, Trajectory
 from envs import Env
 
-WARM_RATE = 3e-3  # Adam's, of the warm start: each of its steps is on all of D_E
+WARM_RATE = 3e-3  # Adam's, of the warm start
 
 
 class Trainer(NamedTuple):
@@ -47,8 +47,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         ppo_opt = ppo.make_optimiser(config.ppo).init((untrained.policy, untrained.value))
         params = untrained
         if config.warm_start:
+            key, key_clone = jax.random.split(key)
             passes = replace(config.ppo, num_epochs=config.warm_start, learning_rate=WARM_RATE)
-            params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, passes)
+            params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, key_clone, passes)
         return TrainState(
             params=params,
             ppo_opt=ppo_opt,
@@ -74,7 +75,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         )
         params = calibrated(nets, params, stats, expert)
         if method.learner == "cloning":
-            params, ppo_opt, policy_metrics = cloning.update(now, params, state.ppo_opt, stats, expert, now.config.ppo)
+            params, ppo_opt, policy_metrics = cloning.update(
+                now, params, state.ppo_opt, stats, expert, key_policy, now.config.ppo
+            )
         else:
             reward, bonus = policy_reward(nets, params, stats, expert, policy)
             params, ppo_opt, policy_metrics = ppo.update(  # line 7

@@ -36,7 +36,14 @@ from envs.options import MeerkatOptions
 METHODS = ("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
 GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the simulated mob
 HELD_OUT = ("aircl_corrected", "airl", "bc")
-LEARNING_RATES = {"bc": 3e-3}  # where it is not the row's own: cloning takes few steps, each on all windows
+SMOKE = {
+    "num_trajectories": 10,
+    "num_evaluation": 8,
+    "chunk": 2,
+    "warm_start": 1,
+    "adversary": {"num_steps": 1},
+    "ppo": {"num_epochs": 1},
+}
 LAGS = (1, 5)  # τ_max of the analyses
 POOL = 4  # episodes of π for each window that is drawn from them by δ̄
 SMOOTHINGS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # pseudo-counts that cross-validation chooses from
@@ -62,13 +69,10 @@ class Settings:
     def iterations(self) -> int | Literal["default"]:
         return "default" if self.scale == "full" else 2
 
-    def training(self, method: str) -> dict[str, Any]:
+    @property
+    def training(self) -> dict[str, Any]:
         """What is changed of a method's own settings."""
-        rate = {"learning_rate": LEARNING_RATES[method]} if method in LEARNING_RATES else {}
-        if self.scale == "full":
-            return {"ppo": rate}
-        few = {"num_trajectories": 10, "num_evaluation": 8, "chunk": 2, "warm_start": 4}
-        return few | {"adversary": {"num_steps": 1}, "ppo": {"num_epochs": 1} | rate}
+        return {} if self.scale == "full" else SMOKE
 
 
 class Study(NamedTuple):
@@ -131,7 +135,7 @@ def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]
         seeds=settings.seeds,
         iterations=settings.iterations,
         env_settings={"data": settings.data, "mapping": settings.mapping},
-        config=settings.training(method),
+        config=settings.training,
     )
     windows = generate(result, len(study.codes))
     found = {name: _compared(study, codes) for name, codes in windows.items()}
@@ -210,7 +214,7 @@ def held_out_cell(settings: Settings, study: Study, method: str, fold: int) -> d
         seeds=1,
         iterations=settings.iterations,
         env_settings=where,
-        config=settings.training(method),
+        config=settings.training,
     )
     table = cast(Tabular, result.plan.env.tabular)
     options = MeerkatOptions(data=settings.data, mapping=settings.mapping, fold=fold)
@@ -254,8 +258,7 @@ def smoothed_chain(study: Study, held_out: Sequence[str]) -> tuple[float, Float[
 def _command(settings: Settings, study: Study, method: str) -> str:
     """The run that trains the same."""
     data = "env.data=simulated" if study.simulated else "env.data=DIR"
-    rate = f" train.ppo.learning_rate={LEARNING_RATES[method]}" if method in LEARNING_RATES else ""
-    return f"python -m experiments.run env=meerkat {data} method={method} seeds={settings.seeds}{rate}"
+    return f"python -m experiments.run env=meerkat {data} method={method} seeds={settings.seeds}"
 
 
 def as_json(recovered: Recovered) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from tiny import KNOWN_REWARD, one_state_env, tiny_networks, unit_stats
 
 from aircl_jax.config import PPOConfig
 from aircl_jax.networks import project_log_std
-from aircl_jax.ppo import clipped_surrogate, gae, make_optimiser, masked_mean
+from aircl_jax.ppo import clipped_surrogate, epoch_order, gae, make_optimiser, masked_mean
 from envs import Box
 
 
@@ -81,6 +81,18 @@ def test_clipped_surrogate_has_no_gradient_where_it_is_clipped():
 
     assert jax.grad(surrogate)(jnp.log(1.5)) == 0.0
     np.testing.assert_allclose(jax.grad(surrogate)(jnp.log(0.5)), 0.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("number", "horizon", "minibatch_size", "shape"),
+    [(50, 500, 2500, (10, 5)), (70, 10, 700, (1, 70)), (7, 30, 60, (3, 2)), (3, 500, 100, (3, 1)), (4, 10, 1000, (1, 4))],
+)
+def test_an_epoch_visits_every_trajectory_once_but_for_a_remainder(number, horizon, minibatch_size, shape):
+    order = np.asarray(epoch_order(jax.random.key(0), number, horizon, minibatch_size))
+    assert order.shape == shape
+    assert len(set(order.ravel())) == order.size
+    assert order.size > number - max(shape)
+    assert set(order.ravel()) <= set(range(number))
 
 
 def test_masked_mean_ignores_masked_steps_and_is_zero_of_none():
