@@ -24,6 +24,7 @@ def update(
 ) -> tuple[Params, Any, Metrics]:
     """`num_epochs` passes of Adam on −mean log π_ω(a_t|s_t) over D_E in PPO's minibatches; the critic stands still."""
     optimiser = make_optimiser(config)
+    number, horizon = expert.mask.shape
 
     def loss(trainable: tuple, minibatch: Trajectory) -> Array:
         policy, value = trainable
@@ -38,7 +39,7 @@ def update(
         return ((project_log_std(policy, config), critic), opt_state), value
 
     def epoch(carry: tuple, key_epoch: PRNGKeyArray) -> tuple[tuple, Array]:
-        return jax.lax.scan(minibatch_step, carry, epoch_order(key_epoch, *expert.mask.shape, config.minibatch_size))
+        return jax.lax.scan(minibatch_step, carry, epoch_order(key_epoch, number, horizon, config.minibatch_size))
 
     start = ((params.policy, params.value), opt_state)
     ((policy, value), opt_state), losses = jax.lax.scan(epoch, start, jax.random.split(key, config.num_epochs))

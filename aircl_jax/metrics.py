@@ -66,7 +66,7 @@ def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Arra
 def step_metrics(
     sampled: Trajectory, policy: Trajectory, log_delta: Float[Array, " P"], expert_log_delta: Float[Array, " N"]
 ) -> Metrics:
-    """The measures of one iteration's batches, before its update."""
+    """The measures of one iteration's batches, before its update; of D_E, δ̄ as the adversary has left it."""
     return {
         "violation_rate": violation_rate(sampled),
         "violation_rate_policy": violation_rate(policy),

@@ -1,6 +1,6 @@
 """The four networks as functions of one step or one trajectory: π_ω, V, f_θ and δ̄_φ."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -12,126 +12,12 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.config import PPOConfig, TrainConfig
 from aircl_jax.methods import Method
+from aircl_jax.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy
 from aircl_jax.types import ObsStats, Params, Scores, Thresholds, Trajectory
-from envs import Box, Discrete, Env
+from envs import Discrete, Env
 
 OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
 STD_FLOOR = 1e-3  # of a coordinate that the demonstrations never move
-# Not orthogonal: its QR calls block the CPU's thread pool when several devices initialise at once.
-HIDDEN_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal")
-ADDITIVE_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal", in_axis=1, out_axis=2, batch_axis=0)
-ADDITIVE_SCALE = 3.0  # walls are sharper than the spread of the demonstrations
-KEY_BOUND = 8.0  # of the attention's log weights: e^8 outweighs 500 steps, and its sums stay exact in float32
-SEQUENCE_BIAS = 1.0  # initial logit of δ_seq: a trajectory is feasible until something speaks against it
-
-
-class MLP(nn.Module):
-    """Dense layers with an activation between them; `hidden=()` is the linear function of the input."""
-
-    hidden: Sequence[int]
-    size: int
-    final_scale: float = 1.0
-    bias: float = 0.0
-    activation: str = "tanh"
-
-    @nn.compact
-    def __call__(self, x: Float[Array, " I"]) -> Float[Array, " O"]:
-        for width in self.hidden:
-            x = nn.Dense(width, kernel_init=HIDDEN_INIT)(x)
-            x = getattr(nn, self.activation)(x)
-        final = nn.initializers.variance_scaling(self.final_scale**2, "fan_in", "truncated_normal")
-        return nn.Dense(self.size, kernel_init=final, bias_init=nn.initializers.constant(self.bias))(x)
-
-
-class AdditiveNet(nn.Module):
-    """Σ_i g_i(x_i), an own network for each coordinate: a generalised additive model (Hastie & Tibshirani 1986).
-
-    As a log density ratio it is that of independent coordinates: which of them a constraint speaks of, and from where on,
-    can be read from one curve each, and what was never seen together is no evidence.
-    """
-
-    hidden: Sequence[int]
-    bias: float = 0.0
-
-    @nn.compact
-    def __call__(self, x: Float[Array, " I"]) -> Float[Array, " 1"]:
-        h = ADDITIVE_SCALE * x[:, None]
-        for layer, width in enumerate(self.hidden):
-            shape = (x.shape[0], h.shape[1], width)
-            kernel = self.param(f"kernel_{layer}", ADDITIVE_INIT, shape)
-            bias = self.param(f"bias_{layer}", nn.initializers.normal(0.5), (x.shape[0], width))
-            h = nn.tanh(jnp.einsum("ij,ijk->ik", h, kernel) + bias)
-        final = self.param("final", nn.initializers.normal(0.1), h.shape)
-        return (h * final).sum() + self.param("bias", nn.initializers.constant(self.bias), (1,))
-
-
-class Policy(nn.Module):
-    """π_ω(·|s): a categorical, or a Gaussian with a state-independent log σ that the environment's box clips."""
-
-    action_space: Discrete | Box
-    hidden: Sequence[int]
-    log_std_init: float
-
-    @nn.compact
-    def __call__(self, x: Float[Array, " I"]) -> Float[Array, "..."]:
-        head = MLP(self.hidden, self.action_space.feature_size, final_scale=0.01)(x)
-        if isinstance(self.action_space, Box):
-            self.param("log_std", nn.initializers.constant(self.log_std_init), (self.action_space.size,))
-        return head
-
-
-class AttentionEncoder(nn.Module):
-    """Causal attention with one learned query a channel: c_t = Σ_{u≤t} e^{k_u} h_u / Σ_{u≤t} e^{k_u}, a layer on (h_t, c_t).
-
-    Linear in T (the query does not depend on t), so it sees what came before each step at H = 500 for the price of two sums.
-    """
-
-    hidden: Sequence[int]
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "T I"], mask: Float[Array, " T"]) -> Float[Array, ""]:
-        first, *rest = self.hidden
-        h = nn.relu(nn.Dense(first, kernel_init=HIDDEN_INIT)(x))
-        key = KEY_BOUND * nn.tanh(nn.Dense(first)(h) / KEY_BOUND)
-        weight = jnp.exp(key) * mask[:, None]
-        context = jnp.cumsum(weight * h, axis=0) / (jnp.cumsum(weight, axis=0) + 1e-6)
-        y = jnp.concatenate([h, context], axis=-1)
-        for width in rest or (first,):
-            y = nn.relu(nn.Dense(width, kernel_init=HIDDEN_INIT)(y))
-        score = nn.Dense(1, bias_init=nn.initializers.constant(SEQUENCE_BIAS))(y)[:, 0]
-        return smooth_minimum(score, mask)
-
-
-class GRUEncoder(nn.Module):
-    """A masked gated recurrent encoder; a layer on each hidden state, and the smooth minimum over t."""
-
-    hidden: Sequence[int]
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "T I"], mask: Float[Array, " T"]) -> Float[Array, ""]:
-        first, *rest = self.hidden
-        y = nn.RNN(nn.GRUCell(first))(x)
-        for width in rest or (first,):
-            y = nn.relu(nn.Dense(width, kernel_init=HIDDEN_INIT)(y))
-        score = nn.Dense(1, bias_init=nn.initializers.constant(SEQUENCE_BIAS))(y)[:, 0]
-        return smooth_minimum(score, mask)
-
-
-class LinearEncoder(nn.Module):
-    """A linear logit of the trajectory's mean features: blind to order, for the linear rows."""
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "T I"], mask: Float[Array, " T"]) -> Float[Array, ""]:
-        mean = (x * mask[:, None]).sum(axis=0) / jnp.maximum(mask.sum(), 1.0)
-        return nn.Dense(1, bias_init=nn.initializers.constant(SEQUENCE_BIAS))(mean)[0]
-
-
-ENCODERS = {"attention": AttentionEncoder, "gru": GRUEncoder}
-
-
-def smooth_minimum(score: Float[Array, " T"], mask: Float[Array, " T"]) -> Float[Array, ""]:
-    """−log mean_t e^{−x_t} over unmasked steps: one infeasible step is enough, and every step has a gradient."""
-    return -jax.nn.logsumexp(-score, b=mask) + jnp.log(jnp.maximum(mask.sum(), 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,25 +123,51 @@ class Networks:
         features = jax.vmap(self.feasibility_input, (None, 0, 0))(stats, obs, action)
         return cast(Array, self.sequence_net.apply(params["sequence"], features, mask))
 
+    def along(
+        self, of: Callable[[Array, Array], Array], obs: Float[Array, "T O"], action: Shaped[Array, "T *A"]
+    ) -> Float[Array, " T"]:
+        """of(s_t, a_t) of each step; sᵀ F a with F the table of all pairs where both are one-hot of few codes or nodes."""
+        if not self.env.enumerated:
+            return jax.vmap(of)(obs, action)
+        pairs = jax.vmap(jax.vmap(of, (None, 0)), (0, None))
+        table = pairs(jnp.eye(self.env.obs_size), jnp.arange(self.env.action_space.feature_size))
+        return ((obs @ table) * jax.vmap(self.env.action_space.features)(action)).sum(axis=-1)
+
     def log_pi(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
         """log π_ω(a_t|s_t) along one trajectory."""
 
         def one(obs: Array, action: Array, t: Array) -> Array:
             return cast(Array, self.policy(params.policy, stats, obs, t).log_prob(action))
 
+        if self.env.enumerated:
+            return self.along(lambda obs, action: one(obs, action, jnp.asarray(0)), trajectory.obs, trajectory.action)
         return jax.vmap(one)(trajectory.obs, trajectory.action, jnp.arange(trajectory.obs.shape[0]))
+
+    def f(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+        """f_θ(s_t, a_t) along one trajectory."""
+        return self.along(lambda obs, action: self.reward(params.reward, stats, obs, action), trajectory.obs, trajectory.action)
+
+    def values(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+        """V(s_t) along one trajectory."""
+        if self.env.enumerated:
+            table = jax.vmap(lambda obs: self.value(params.value, stats, obs, jnp.asarray(0)))(jnp.eye(self.env.obs_size))
+            return trajectory.obs @ table
+        steps = jnp.arange(trajectory.obs.shape[0])
+        return jax.vmap(self.value, (None, None, 0, 0))(params.value, stats, trajectory.obs, steps)
 
     def scores(self, params: Params, stats: ObsStats, trajectory: Trajectory, log_pi: Float[Array, " T"]) -> Scores:
         """All that the adversary's terms need of one trajectory; log π is given, since ω stands still in lines 5 and 6."""
-        along = (trajectory.obs, trajectory.action)
+        obs, action, mask = trajectory.obs, trajectory.action, trajectory.mask
+
+        def step_logit(obs: Array, action: Array) -> Array:
+            return self.step_logit(params.feasibility, stats, obs, action)
+
         return Scores(
-            f=trajectory.reward
-            if self.method.needs_true_reward
-            else jax.vmap(self.reward, (None, None, 0, 0))(params.reward, stats, *along),
+            f=trajectory.reward if self.method.needs_true_reward else self.f(params, stats, trajectory),
             log_pi=log_pi,
-            step_logit=jax.vmap(self.step_logit, (None, None, 0, 0))(params.feasibility, stats, *along),
-            sequence_logit=self.sequence_logit(params.feasibility, stats, *along, trajectory.mask),
-            mask=trajectory.mask,
+            step_logit=self.along(step_logit, obs, action),
+            sequence_logit=self.sequence_logit(params.feasibility, stats, obs, action, mask),
+            mask=mask,
             thresholds=params.thresholds,
         )
 

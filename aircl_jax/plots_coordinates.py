@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 from aircl_jax.api import Result
-from aircl_jax.networks import AdditiveNet, Networks
+from aircl_jax.modules import AdditiveNet
+from aircl_jax.networks import Networks
 from aircl_jax.plots_steps import Limit, constraint_limit
 from aircl_jax.plots_style import BLUE, GREEN, GREY, ORANGE, Drawing, over_seeds
 from aircl_jax.types import TrainState, Trajectory

@@ -77,7 +77,7 @@ def loss(nets: Networks, params: Params, stats: ObsStats, batch: Batch, config: 
     """−surrogate + value_coef · ½ (V − target)², means over unmasked steps."""
     trajectory = batch.trajectory
     log_prob = jax.vmap(nets.log_pi, (None, None, 0))(params, stats, trajectory)
-    value = jax.vmap(lambda one: _values(nets, params, stats, one))(trajectory)
+    value = jax.vmap(nets.values, (None, None, 0))(params, stats, trajectory)
     surrogate = clipped_surrogate(log_prob, trajectory.log_prob, batch.advantage, config.clip_eps)
     policy_loss = -masked_mean(surrogate, trajectory.mask)
     value_loss = 0.5 * masked_mean((value - batch.target) ** 2, trajectory.mask)
@@ -117,6 +117,7 @@ def update(
     batch = Batch(policy, (credited - centre) / (spread + 1e-8), target)
 
     optimiser = make_optimiser(config)
+    number, horizon = policy.mask.shape
 
     def minibatch_step(carry: tuple, index: Array) -> tuple[tuple, Metrics]:
         params, opt_state = carry
@@ -130,16 +131,11 @@ def update(
         return (params, opt_state), metrics
 
     def epoch(carry: tuple, key_epoch: PRNGKeyArray) -> tuple[tuple, Metrics]:
-        return jax.lax.scan(minibatch_step, carry, epoch_order(key_epoch, *policy.mask.shape, config.minibatch_size))
+        return jax.lax.scan(minibatch_step, carry, epoch_order(key_epoch, number, horizon, config.minibatch_size))
 
     keys = jax.random.split(key, config.num_epochs)
     (params, opt_state), metrics = jax.lax.scan(epoch, (params, opt_state), keys)
     return params, opt_state, {name: value[-1].mean() for name, value in metrics.items()}
-
-
-def _values(nets: Networks, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
-    steps = jnp.arange(trajectory.obs.shape[0])
-    return jax.vmap(nets.value, (None, None, 0, 0))(params.value, stats, trajectory.obs, steps)
 
 
 def _trainable_loss(trainable: tuple, nets: Networks, params: Params, *rest: Any) -> tuple[Array, Metrics]:

@@ -24,8 +24,7 @@ def policy_reward(
     scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, policy, policy.log_prob)
     reward = scores.f
     if method.judge == "centred":
-        over_expert = jax.vmap(jax.vmap(nets.reward, (None, None, 0, 0)), (None, None, 0, 0))
-        expert_f = over_expert(params.reward, stats, expert.obs, expert.action)
+        expert_f = jax.vmap(nets.f, (None, None, 0))(params, stats, expert)
         reward = reward - mean_over_steps(expert_f, expert.mask).mean()
     if method.constrained_policy:
         reward = reward + jnp.maximum(log_step_feasibility(method, coefficients, scores), SIGMOID_FLOOR)

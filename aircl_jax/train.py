@@ -73,7 +73,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6
             now, params, state.adversary_opt, stats, batches, key_adversary
         )
-        params = calibrated(nets, params, stats, expert)
+        params, expert_log_delta = calibrated(nets, params, stats, expert)
         if method.learner == "cloning":
             params, ppo_opt, policy_metrics = cloning.update(
                 now, params, state.ppo_opt, stats, expert, key_policy, now.config.ppo
@@ -83,7 +83,6 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
                 now, params, state.ppo_opt, stats, policy, reward, bonus, key_policy, now.config.ppo
             )
-        expert_log_delta = trajectory_feasibility(nets, state.params, stats, expert)
         metrics = step_metrics(sampled, policy, log_delta, expert_log_delta)
         state = state._replace(
             params=params,
@@ -122,12 +121,14 @@ def trajectory_feasibility(nets: Networks, params: Params, stats: ObsStats, poli
     return log_feasibility(nets.method, nets.config.coefficients, scores)
 
 
-def calibrated(nets: Networks, params: Params, stats: ObsStats, expert: Trajectory) -> Params:
-    """The parameters with the thresholds of δ̄ that D_E asks for."""
-    if nets.method.test == "sigmoid":
-        return params
+def calibrated(nets: Networks, params: Params, stats: ObsStats, expert: Trajectory) -> tuple[Params, Float[Array, " N"]]:
+    """The parameters with the thresholds of δ̄ that D_E asks for, and log δ̄ of D_E under these."""
+    method, coefficients = nets.method, nets.config.coefficients
     scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, expert, expert.log_prob)
-    return params._replace(thresholds=calibrate(nets.config.coefficients, scores))
+    if method.test != "sigmoid":
+        params = params._replace(thresholds=calibrate(coefficients, scores))
+        scores = scores._replace(thresholds=params.thresholds)
+    return params, log_feasibility(method, coefficients, scores)
 
 
 def draw(nets: Networks, policy: Trajectory, log_delta: Float[Array, " P"], key: PRNGKeyArray) -> Trajectory:

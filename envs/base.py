@@ -132,3 +132,8 @@ class Env:
     layout: Layout | None = None  # how to draw a world whose observations are the cells of a grid
     codes: Codes | None = None  # what the codes of a world of codes are called
     maze: Maze | None = None  # how to draw a world whose observations are the nodes of a maze
+
+    @property
+    def enumerated(self) -> bool:
+        """Whether observations are one-hot of few codes or nodes, so that a function of a step is a small table."""
+        return self.codes is not None or self.maze is not None

@@ -7,9 +7,10 @@ import pytest
 from tiny import TINY, one_state_env, random_trajectories, tiny_grid, tiny_networks, unit_stats
 
 from aircl_jax.methods import METHODS
-from aircl_jax.networks import ENCODERS, OBS_CLIP, make_networks, smooth_minimum
+from aircl_jax.modules import ENCODERS, smooth_minimum
+from aircl_jax.networks import OBS_CLIP, make_networks
 from aircl_jax.types import ObsStats
-from envs import Box
+from envs import Box, make_env
 
 
 def sequence_logit(encoder, obs, mask=None, method="aircl"):
@@ -70,6 +71,29 @@ def test_log_pi_is_the_log_probability_of_each_step():
         nets.policy(params.policy, unit_stats(env), one.obs[t], jnp.asarray(t)).log_prob(one.action[t]) for t in range(4)
     ]
     np.testing.assert_allclose(nets.log_pi(params, unit_stats(env), one), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "settings"), [("meerkat", {"data": "simulated"}), ("labyrinth", {"data": "simulated"})])
+def test_tables_of_an_enumerated_world_give_what_the_networks_give_step_by_step(name, settings):
+    world = make_env(name, **settings)
+    plain = replace(world, codes=None, maze=None)
+    assert world.enumerated
+    assert not plain.enumerated
+    one = jax.tree.map(lambda leaf: leaf[0], random_trajectories(world, 0, 1))
+    _, params = tiny_networks(world, "aircl_corrected")
+    stats = ObsStats(jnp.full(world.obs_size, 0.1), jnp.full(world.obs_size, 0.3))
+
+    def along(env):
+        nets = make_networks(env, METHODS["aircl_corrected"], TINY)
+
+        def total(params):
+            scores = nets.scores(params, stats, one, nets.log_pi(params, stats, one))
+            values = nets.values(params, stats, one)
+            return (scores.f * scores.log_pi + values * scores.step_logit + scores.sequence_logit).sum(), (scores, values)
+
+        return jax.grad(total, has_aux=True)(params)
+
+    jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-4, atol=1e-5), along(world), along(plain))
 
 
 def test_log_pi_of_a_box_is_a_diagonal_gaussians():
