@@ -66,6 +66,7 @@ class TrainConfig:
     reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded f runs away; 0: none
     constraint_input: Literal["env", "state", "action", "state_action"] = "env"  # of δ̄; env: as the environment says
     warm_start: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
+    waiting: int = 0  # iterations in which the policy stands still, so that f and δ̄ learn to judge a clone before it moves
     annealing: int = 0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
     temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation
@@ -119,13 +120,14 @@ _TUNED_NONMARKOV = replace(
     adversary=replace(_TUNED_GRID.adversary, num_steps=8),
     coefficients=Coefficients(sampled_coef=0.4),
 )
-# They begin as the clone, and both rates fall to 0: else rare codes never settle. The replay keeps windows of random codes,
-# beside which what is rarely done stands far above what is never done; ϑ lies between the two.
+# They begin as the clone, which waits until f and δ̄ can judge it, and both rates fall to 0: else rare codes never settle. The
+# replay keeps windows of random codes, beside which what is rarely done stands far above what is never done; ϑ lies between.
 _TUNED_ANIMALS = replace(
     _ANIMALS,
     warm_start=100,
+    waiting=30,
     annealing=200,
-    ppo=replace(_ANIMALS.ppo, learning_rate=7e-4, clip_eps=0.2, minibatch_size=2500),
+    ppo=replace(_ANIMALS.ppo, learning_rate=4e-4, clip_eps=0.2, minibatch_size=2500),
     adversary=replace(_ANIMALS.adversary, num_steps=8, learning_rate=3e-3, minibatch_size=2500, replay_rate=0.0),
     coefficients=Coefficients(threshold=0.03, sharpness=3.0),
 )

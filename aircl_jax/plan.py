@@ -16,7 +16,7 @@ from aircl_jax.types import Trajectory
 from envs import ENVS, Env, make_env
 
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef")  # numbers between 0 and 1
-COUNTS_FROM_ZERO = ("warm_start", "annealing")
+COUNTS_FROM_ZERO = ("warm_start", "waiting", "annealing")
 BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max", "cost_budget")  # numbers of either sign
 
 

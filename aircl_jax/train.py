@@ -62,7 +62,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_sampler, key_adversary, key_policy, key_replay = jax.random.split(state.key, 6)
-        params, stats, now = state.params, state.obs_stats, annealed(nets, state.step)
+        params, stats, now = state.params, state.obs_stats, scheduled(nets, state.step)
 
         policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4: D_P
         log_delta = trajectory_feasibility(nets, params, stats, policy)
@@ -97,13 +97,14 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     return Trainer(init, step)
 
 
-def annealed(nets: Networks, step: Int[Array, ""]) -> Networks:
-    """The networks with both learning rates as they are in this iteration: (1 − step / annealing) of the settings'."""
+def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
+    """The networks at this iteration's learning rates: (1 − step / annealing) of the settings', and π's 0 before `waiting`."""
     config = nets.config
-    if not config.annealing:
+    if not config.annealing and not config.waiting:
         return nets
-    left = jnp.maximum(1.0 - step / config.annealing, 0.0)
-    ppo = replace(config.ppo, learning_rate=left * config.ppo.learning_rate)
+    left = jnp.maximum(1.0 - step / config.annealing, 0.0) if config.annealing else 1.0
+    moves = step >= config.waiting
+    ppo = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
     adversary = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
     return replace(nets, config=replace(config, ppo=ppo, adversary=adversary))
 

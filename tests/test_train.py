@@ -12,7 +12,7 @@ from tiny import TINY, UNOPTIMISED, fused_step, poisoned, random_trajectories, t
 
 from aircl_jax.methods import METHODS
 from aircl_jax.networks import make_networks
-from aircl_jax.train import annealed, make_trainer, observation_stats, refresh
+from aircl_jax.train import make_trainer, observation_stats, refresh, scheduled
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env, Step
 
@@ -65,9 +65,20 @@ def test_annealed_learning_rates_are_linear_and_end_at_zero(name):
     env, config = tiny_grid(), replace(TINY, annealing=4)
     nets = make_networks(env, METHODS[name], config)
     for step, share in ((0, 1.0), (1, 0.75), (4, 0.0), (9, 0.0)):
-        now = annealed(nets, jnp.asarray(step)).config
+        now = scheduled(nets, jnp.asarray(step)).config
         np.testing.assert_allclose(now.ppo.learning_rate, share * config.ppo.learning_rate, rtol=1e-6)
         np.testing.assert_allclose(now.adversary.learning_rate, share * config.adversary.learning_rate, rtol=1e-6)
+
+
+@pytest.mark.parametrize("annealing", [0, 10])
+def test_the_policy_waits_and_the_adversary_does_not(annealing):
+    env, config = tiny_grid(), replace(TINY, waiting=2, annealing=annealing)
+    nets = make_networks(env, METHODS["airl_centred"], config)
+    for step, moves in ((0, False), (1, False), (2, True), (9, True)):
+        now = scheduled(nets, jnp.asarray(step)).config
+        left = 1.0 - step / annealing if annealing else 1.0
+        np.testing.assert_allclose(now.ppo.learning_rate, moves * left * config.ppo.learning_rate, rtol=1e-6)
+        np.testing.assert_allclose(now.adversary.learning_rate, left * config.adversary.learning_rate, rtol=1e-6)
 
 
 def test_nothing_learns_once_the_learning_rates_are_annealed():
