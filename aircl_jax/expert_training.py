@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from aircl_jax.lagrangian import Lagrangian, LagrangianState, acting_params, observation_stats
 from aircl_jax.networks import Networks
 from aircl_jax.rollout import rollouts
+from aircl_jax.seeds import over_seeds
 from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
@@ -52,7 +53,7 @@ class Runner(NamedTuple):
 
 
 def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequence[bool]) -> Runner:
-    """All seeds, constrained or not, as one `vmap` over shards of seeds on every device."""
+    """All seeds, constrained or not, as one program over shards of seeds on every device."""
     count = max(number for number in range(1, jax.device_count() + 1) if len(seeds) % number == 0)
     mesh = jax.make_mesh((count,), ("seed",), axis_types=(AxisType.Auto,))
     spec = PartitionSpec("seed")
@@ -62,12 +63,12 @@ def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequenc
         return jax.device_put(tree, NamedSharding(mesh, spec))
 
     flags = place(jnp.asarray(constrained, jnp.float32))
-    init = jax.jit(shard(jax.vmap(training.init), in_specs=spec, out_specs=spec))
+    init = jax.jit(shard(over_seeds(training.init), in_specs=spec, out_specs=spec))
 
     @partial(jax.jit, static_argnums=2, donate_argnums=0)
     def run_chunk(states: Any, flags: Array, length: int) -> tuple[Any, Metrics]:
         def on_device(states: Any, flags: Array) -> tuple[Any, Metrics]:
-            return jax.lax.scan(lambda states, _: jax.vmap(training.step)(states, flags), states, length=length)
+            return jax.lax.scan(lambda states, _: over_seeds(training.step)(states, flags), states, length=length)
 
         return shard(on_device, in_specs=(spec, spec), out_specs=(spec, PartitionSpec(None, "seed")))(states, flags)
 

@@ -1,4 +1,4 @@
-"""Seeds as a `vmap`, sharded over devices: seed s is the integer s, alone or among others."""
+"""Many seeds as one program, sharded over devices: seed s is the integer s, alone or among others."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -27,8 +27,18 @@ def seed_keys(seeds: Sequence[int]) -> Key[Array, " S"]:
     return jax.vmap(jax.random.key)(jnp.asarray(seeds, jnp.uint32))
 
 
+def over_seeds(of: Callable[..., Any]) -> Callable[..., Any]:
+    """`of`, for one seed, over the leading axis of all its arguments: a `vmap` on accelerators.
+
+    On a CPU a device's seeds go one after another: the arrays of one stay in the cache, those of five do not (`docs/physics.md`).
+    """
+    if jax.default_backend() != "cpu":
+        return jax.vmap(of)
+    return lambda *batched: jax.lax.map(lambda one: of(*one), batched)
+
+
 def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
-    """The trainer over all seeds: one jit, `lax.scan` over a chunk, `vmap` over seeds, shards of seeds on every device.
+    """The trainer over all seeds: one jit, `lax.scan` over a chunk, `over_seeds` within, shards of seeds on every device.
 
     `expert` is [S, N, T, …]: every seed has its own demonstrations (the same ones where they come from a file).
     """
@@ -40,13 +50,13 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
     def place(tree: Any) -> Any:
         return jax.device_put(tree, sharding)
 
-    init = jax.jit(shard(jax.vmap(trainer.init)))
+    init = jax.jit(shard(over_seeds(trainer.init)))
 
     @partial(jax.jit, static_argnums=2, donate_argnums=0)
     def run_chunk(states: TrainState, expert: Expert, length: int) -> tuple[TrainState, Metrics]:
         def on_device(states: TrainState, expert: Expert) -> tuple[TrainState, Metrics]:
             def iteration(states: TrainState, _: None) -> tuple[TrainState, Metrics]:
-                return jax.vmap(trainer.step)(states, expert)
+                return over_seeds(trainer.step)(states, expert)
 
             states, metrics = jax.lax.scan(iteration, states, length=length)
             return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)

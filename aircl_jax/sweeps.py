@@ -1,4 +1,4 @@
-"""A sweep over one coefficient as a `vmap`: every value and every seed in one program that is compiled once."""
+"""A sweep over one coefficient: every value and every seed in one program that is compiled once."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace

@@ -1,7 +1,7 @@
 """Seed s is the integer s: the same run alone or among ten, on one device or on two.
 
-The initial state is the same to the bit. A step is the same to rounding: XLA orders a matrix product's sums by the batch
-that it is given, and batches of 1, 2, 5 and 10 seeds differ in the last bits (3e-8 of a parameter after three steps).
+The initial state is the same to the bit. A step is the same to rounding: on a CPU a device's seeds go one after another, and the
+compiler still treats loops of different lengths differently (6e-10 of a parameter after three steps).
 """
 
 from dataclasses import replace
@@ -20,7 +20,11 @@ STEPS = 3
 
 
 def assert_same_to_rounding(one, other):
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), one, other)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-7), one, other)
+
+
+def assert_equal(one, other):
+    jax.tree.map(np.testing.assert_array_equal, one, other)
 
 
 @pytest.fixture(scope="module", params=["airl_centred", pytest.param("aircl_corrected", marks=pytest.mark.slow)])
@@ -52,7 +56,7 @@ def test_key_of_a_seed_is_that_of_the_integer():
 def test_seed_three_is_the_same_alone_and_among_ten(trainer):
     first, last, metrics = run(trainer, range(10))
     first_alone, last_alone, metrics_alone = run(trainer, [3])
-    jax.tree.map(np.testing.assert_array_equal, seed_of(first, 3), seed_of(first_alone, 0))
+    assert_equal(seed_of(first, 3), seed_of(first_alone, 0))
     assert_same_to_rounding(seed_of(last, 3), seed_of(last_alone, 0))
     assert metrics["return"].shape == (STEPS, 10)
     assert_same_to_rounding(metrics["return"][:, 3], metrics_alone["return"][:, 0])
@@ -69,7 +73,7 @@ def test_one_device_is_two_devices(trainer, monkeypatch):
     first, last, _ = run(trainer, range(4))
     monkeypatch.setattr(seeds, "_shards", lambda number: 1)
     first_one, last_one, _ = run(trainer, range(4))
-    jax.tree.map(np.testing.assert_array_equal, first, first_one)
+    assert_equal(first, first_one)
     assert_same_to_rounding(last, last_one)
 
 
@@ -77,4 +81,4 @@ def test_one_device_is_two_devices(trainer, monkeypatch):
 def test_two_chunks_are_one_chunk_of_their_length(trainer):
     _, last, _ = run(trainer, [0, 1], chunks=(4,))
     _, last_twice, _ = run(trainer, [0, 1], chunks=(2, 2))
-    jax.tree.map(np.testing.assert_array_equal, last, last_twice)
+    assert_equal(last, last_twice)
