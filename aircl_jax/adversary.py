@@ -61,7 +61,7 @@ def judge(method: Method, config: TrainConfig, expert: Scores, sampled: Scores) 
 
 
 def verdict(logit: Float[Array, "N K"], mask: Float[Array, "N T"]) -> Float[Array, " N"]:
-    """One logit a trajectory: the mean over its steps, so that D(τ) > ½ where it is positive."""
+    """One number a trajectory, of logits or losses: the mean over its steps. D(τ) > ½ where that of the logits is positive."""
     return logit[:, 0] if logit.shape[-1] == 1 else mean_over_steps(logit, mask)
 
 
@@ -78,7 +78,7 @@ def feasibility_gradient(method: Method, config: TrainConfig, coefficients: Coef
 
     In log space log c = log π + log σ(log π − f). As printed; docs/equations.md says why it collapses.
     """
-    logit = trajectory_logit(scores.sampled, "sum")
+    logit = trajectory_logit(scores.sampled, config.adversary.trajectory_logit)
     log_pi = (scores.sampled.log_pi * scores.sampled.mask).sum(axis=-1)
     log_coefficient = jnp.minimum(log_pi + jax.nn.log_sigmoid(-logit), jnp.log(coefficients.ratio_clip))
     coefficient = jax.lax.stop_gradient(jnp.exp(log_coefficient))

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Shaped
 
+from aircl_jax import demonstrations as files
 from aircl_jax import experts, report, runs
 from aircl_jax.alarms import alarms
 from aircl_jax.config import TrainConfig
@@ -167,12 +168,14 @@ def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_pro
 
 
 def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
-    """D_E of every seed, [S, N, T, …], and the reference set; one's own D_E stands for it where the world has none."""
+    """D_E of every seed, [S, N, T, …], and the reference set: the world's, that beside one's own file, or else D_E itself."""
     if plan.own is None:
         return experts.demonstrations(plan.env, plan.seeds, plan.config)
     shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
-    has_reference = any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations))
-    return shared, experts.demonstrations(plan.env, plan.seeds, plan.config)[1] if has_reference else plan.own
+    if any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations)):
+        return shared, experts.demonstrations(plan.env, plan.seeds, plan.config)[1]
+    beside = Path(plan.source).with_name(f"{Path(plan.source).stem}_reference.npz")
+    return shared, files.load(beside, plan.env) if beside.is_file() else plan.own
 
 
 def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) -> Callable[[TrainState], Row]:

@@ -29,6 +29,8 @@ def load(source: str | Path, env: Env) -> Trajectory:
         _check_shapes(arrays, env)
         _check_values(arrays)
         _check_actions(arrays["action"], env)
+        if env.enumerated:
+            _check_codes(arrays, env)
     except ValueError as error:
         raise ValueError(f"demonstrations={source}: {error}") from error
     return from_arrays(arrays, env)
@@ -120,6 +122,14 @@ def _check_values(arrays: Arrays) -> None:
         raise ValueError("mask must be 1 up to an episode's last step and 0 after it")
     if cost is not None and not np.isin(cost, (0, 1)).all():
         raise ValueError("cost must be 0 or 1 in every step")
+
+
+def _check_codes(arrays: Arrays, env: Env) -> None:
+    one_hot = np.isin(arrays["obs"], (0, 1)).all(axis=-1) & (arrays["obs"].sum(axis=-1) == 1)
+    wrong = np.argwhere(~one_hot & (arrays.get("mask", np.ones(one_hot.shape)) > 0))
+    if len(wrong):
+        place = f"trajectory {wrong[0][0]}, step {wrong[0][1]}"
+        raise ValueError(f"obs is not one-hot in {place}; {env.name} has {env.obs_size} codes")
 
 
 def _never_rises(mask: np.ndarray) -> bool:

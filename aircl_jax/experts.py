@@ -103,7 +103,7 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
         draw = jax.jit(jax.vmap(lambda key: sample_table(env, expert.log_policy, key, config.num_demonstrations)))
         return draw(keys), tabular_reference(env, expert)
     if env.demonstrations is None:
-        raise ValueError(f"env={env.name} ships no demonstrations; give some with demonstrations=FILE")
+        raise ValueError(f"env={env.name} ships no demonstrations of these settings; give some with demonstrations=FILE")
     expert = _first(load_shipped(env.demonstrations, env), config.num_demonstrations)
     return _for_all(expert, len(seeds)), load_shipped(f"{env.demonstrations}_reference", env)
 

@@ -55,7 +55,7 @@ def log_sequence_feasibility(method: Method, coefficients: Coefficients, scores:
 
 
 def log_feasibility(method: Method, coefficients: Coefficients, scores: Scores) -> Float[Array, "*N"]:
-    """log δ̄(τ) = log δ_seq(τ) + Σ_t log δ(s_t, a_t) (Eq. 4's product), or + min_t log δ₁ for the sharpened test."""
+    """log δ̄(τ) = log δ_seq(τ) + Σ_t log δ(s_t, a_t) (Eq. 4's product), or, for the sharpened test, that of min_t z₁."""
     log_sequence = log_sequence_feasibility(method, coefficients, scores)
     if "step" not in method.feasibility or method.test == "sigmoid":
         return log_sequence + log_step_feasibility(method, coefficients, scores).sum(axis=-1)

@@ -140,10 +140,12 @@ def _accuracies(nets: Networks, expert: Scores, sampled: Scores) -> Metrics:
     expert_logit, sampled_logit = judge(nets.method, nets.config, expert, sampled)
     right_expert = (verdict(expert_logit, expert.mask) > 0).mean()
     right_sampled = (verdict(sampled_logit, sampled.mask) < 0).mean()
+    size_expert = verdict(jnp.abs(expert_logit), expert.mask).mean()
+    size_sampled = verdict(jnp.abs(sampled_logit), sampled.mask).mean()
     return {
         "rc_acc": right_expert,
         "balanced_acc": 0.5 * (right_expert + right_sampled),
-        "logit_size": 0.5 * (jnp.abs(expert_logit).mean() + jnp.abs(sampled_logit).mean()),
+        "logit_size": 0.5 * (size_expert + size_sampled),
     }
 
 

@@ -15,8 +15,9 @@ from aircl_jax.settings import plain, updated
 from aircl_jax.types import Trajectory
 from envs import ENVS, Env, make_env
 
-SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef")  # numbers between 0 and 1
+SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
 COUNTS_FROM_ZERO = ("warm_start", "waiting", "annealing")
+POSITIVE = ("sharpness", "threshold", "ratio_clip")  # numbers of which 0 is none
 BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max", "cost_budget")  # numbers of either sign
 
 
@@ -127,16 +128,20 @@ def _at_least(name: str, value: Any, smallest: int) -> int:
 
 
 def _check_config(config: Any, prefix: str) -> None:
-    """Counts are positive, rates are not negative, shares are at most 1."""
+    """Counts are positive, rates are not negative, shares are at most 1, networks have a layer."""
     for field in fields(config):
         name, value = f"{prefix}.{field.name}", getattr(config, field.name)
         if is_dataclass(value):
             _check_config(value, name)
         elif isinstance(value, (int, tuple)) and not isinstance(value, bool):
+            if value == ():
+                raise ValueError(f"{name} names no layer; give the width of at least one")
             for part in value if isinstance(value, tuple) else (value,):
                 _at_least(name, part, 0 if field.name in COUNTS_FROM_ZERO else 1)
         elif isinstance(value, float) and value < 0 and field.name not in BOUNDLESS:
             raise ValueError(f"{name}={value} is negative; choose a number of at least 0")
+        elif value == 0 and field.name in POSITIVE:
+            raise ValueError(f"{name}={value} is not above 0; choose a positive number")
         elif isinstance(value, float) and value > 1 and field.name in SHARES:
             raise ValueError(f"{name}={value} is more than 1; choose a number from 0 to 1")
 

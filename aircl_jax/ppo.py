@@ -98,20 +98,20 @@ def update(
     stats: ObsStats,
     policy: Trajectory,
     reward: Float[Array, "N T"],
-    bonus: Float[Array, " N"],
+    credit: Float[Array, " N"],
     key: PRNGKeyArray,
     config: PPOConfig,
 ) -> tuple[Params, Any, Metrics]:
     """Line 7: `num_epochs` passes over D_P in minibatches of whole trajectories.
 
-    `reward` drives the critic and the advantage; `bonus` is credited to every step's advantage of its trajectory, before
+    `reward` drives the critic and the advantage; `credit` is added to every step's advantage of its trajectory, before
     the advantages are normalised over the batch.
     """
     advantage = jax.vmap(gae, (0, 0, 0, 0, None, None))(
         reward, policy.value, policy.bootstrap, policy.mask, config.discount, config.gae_lambda
     )
     target = advantage + policy.value
-    credited = advantage + bonus[:, None]
+    credited = advantage + credit[:, None]
     centre = masked_mean(credited, policy.mask)
     spread = jnp.sqrt(masked_mean((credited - centre) ** 2, policy.mask))
     batch = Batch(policy, (credited - centre) / (spread + 1e-8), target)

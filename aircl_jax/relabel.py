@@ -9,16 +9,15 @@ from aircl_jax.feasibility import SIGMOID_FLOOR, log_sequence_feasibility, log_s
 from aircl_jax.networks import Networks
 from aircl_jax.types import ObsStats, Params, Trajectory
 
-SEQUENCE_FLOOR = -20.0  # least credit that a trajectory's log δ_seq, less its batch mean, gives to its steps
-
 
 def policy_reward(
     nets: Networks, params: Params, stats: ObsStats, expert: Trajectory, policy: Trajectory
 ) -> tuple[Float[Array, "N T"], Float[Array, " N"]]:
     """r_t = f(s_t, a_t) [− mean_E f] [+ log δ₁(s_t, a_t)] − β log π(a_t|s_t), and the trajectory's credit log δ_seq − mean.
 
-    The entropy is causal and inside the reward (J + H of Section 3.1). β = 1 in the paper's rows with a learned f; the constant
-    mean_E f, of a centred judge, moves no optimum and keeps the critic's targets near zero.
+    log δ₁ is at least −11.5, where a verdict of the paper's rows means −∞. The entropy is causal and inside the reward (J + H
+    of Section 3.1). β = 1 in the paper's rows with a learned f; the constant mean_E f, of a centred judge, moves no optimum and
+    keeps the critic's targets near zero.
     """
     method, coefficients = nets.method, nets.config.coefficients
     scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, policy, policy.log_prob)
@@ -34,4 +33,4 @@ def policy_reward(
     if not (method.constrained_policy and "sequence" in method.feasibility):
         return reward, jnp.zeros(reward.shape[0])
     log_sequence = log_sequence_feasibility(method, coefficients, scores)
-    return reward, jnp.maximum(log_sequence - log_sequence.mean(), SEQUENCE_FLOOR)
+    return reward, log_sequence - log_sequence.mean()

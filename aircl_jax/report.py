@@ -58,7 +58,7 @@ def summarise(plan: Plan, final: Mapping[str, np.ndarray], timing: Sequence[Mapp
     counts for none.
     """
     steady = [line for line in timing if not line["first"]]
-    seconds = sum(line["seconds"] for line in steady)
+    seconds = sum(line["seconds"] - line["compile_s"] for line in steady)
     return {
         "env": plan.env.name,
         "method": plan.method_name,

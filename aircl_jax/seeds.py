@@ -30,7 +30,7 @@ def seed_keys(seeds: Sequence[int]) -> Key[Array, " S"]:
 def over_seeds(of: Callable[..., Any]) -> Callable[..., Any]:
     """`of`, for one seed, over the leading axis of all its arguments: a `vmap` on accelerators.
 
-    On a CPU a device's seeds go one after another: the arrays of one stay in the cache, those of five do not (`docs/physics.md`).
+    On a CPU a device's seeds go one after another: the arrays of one stay in the cache, those of five do not.
     """
     if jax.default_backend() != "cpu":
         return jax.vmap(of)

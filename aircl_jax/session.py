@@ -120,7 +120,7 @@ def run_session(
 
 def _progress(session: Session, iterations: int) -> Progress:
     steady = [line for line in session.timing if not line["first"]]
-    seconds, steps = (sum(line[name] for line in steady) for name in ("seconds", "env_steps"))
+    seconds, steps = sum(line["seconds"] - line["compile_s"] for line in steady), sum(line["env_steps"] for line in steady)
     done = session.iteration - session.timing[0]["iteration"]
     left = (iterations - session.iteration) * seconds / done if done else None
     last = {**session.rows[-1], **session.evaluation}

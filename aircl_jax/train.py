@@ -38,8 +38,8 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     nets = make_networks(env, method, config)
     pooled = method.sampled_from == "pool"
     num_policy = config.num_trajectories * (config.pool if pooled else 1)
-    # Where earlier policies count too, D_P ∪ replay is N trajectories, half of each.
-    num_judged = config.num_trajectories // 2 if pooled else config.num_trajectories
+    # In the rows that draw D_S from a pool the terms see N trajectories of D_P ∪ replay, half of each.
+    num_judged = max(1, config.num_trajectories // 2) if pooled else config.num_trajectories
 
     def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
         key, key_nets, key_replay = jax.random.split(key, 3)
@@ -68,9 +68,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         log_delta = trajectory_feasibility(nets, params, stats, policy)
         sampled = draw(nets, policy, log_delta, key_sampler)  # line 3: D_S, Eq. 9
 
-        recent = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
-        batches = Batches(expert, sampled, recent, replay=state.replay)
-        params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6
+        judged = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
+        batches = Batches(expert, sampled, policy=judged, replay=state.replay)
+        params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6: `num_steps` minibatches
             now, params, state.adversary_opt, stats, batches, key_adversary
         )
         params, expert_log_delta = calibrated(nets, params, stats, expert)
@@ -79,16 +79,16 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
                 now, params, state.ppo_opt, stats, expert, key_policy, now.config.ppo
             )
         else:
-            reward, bonus = policy_reward(nets, params, stats, expert, policy)
+            reward, credit = policy_reward(nets, params, stats, expert, policy)
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
-                now, params, state.ppo_opt, stats, policy, reward, bonus, key_policy, now.config.ppo
+                now, params, state.ppo_opt, stats, policy, reward, credit, key_policy, now.config.ppo
             )
         metrics = step_metrics(sampled, policy, log_delta, expert_log_delta)
         state = state._replace(
             params=params,
             ppo_opt=ppo_opt,
             adversary_opt=adversary_opt,
-            replay=refresh(state.replay, recent, key_replay, config.adversary.replay_rate),
+            replay=refresh(state.replay, judged, key_replay, config.adversary.replay_rate),
             key=key,
             step=state.step + 1,
         )
@@ -98,15 +98,15 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
 
 def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
-    """The networks at this iteration's learning rates: (1 − step / annealing) of the settings', and π's 0 before `waiting`."""
+    """The networks with this iteration's learning rates: (1 − step / annealing) of the settings'; 0 for π and V at first."""
     config = nets.config
     if not config.annealing and not config.waiting:
         return nets
     left = jnp.maximum(1.0 - step / config.annealing, 0.0) if config.annealing else 1.0
     moves = step >= config.waiting
-    ppo = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
-    adversary = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
-    return replace(nets, config=replace(config, ppo=ppo, adversary=adversary))
+    acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
+    judging = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
+    return replace(nets, config=replace(config, ppo=acting, adversary=judging))
 
 
 def observation_stats(expert: Trajectory) -> ObsStats:

@@ -20,7 +20,7 @@ class Trajectory(NamedTuple):
     reward: Float[Array, "*N T"]  # true r(s_t, a_t, s_{t+1})
     cost: Float[Array, "*N T"]  # true cost, 0 or 1
     mask: Float[Array, "*N T"]  # 1 up to and with the step that terminates, 0 after it
-    bootstrap: Float[Array, "*N"]  # V(s_T) where the horizon cut the episode, 0 where it terminated
+    bootstrap: Float[Array, "*N"]  # V(s_T) where the horizon cut the episode; 0 where it terminated, or the task ends there
 
 
 class ObsStats(NamedTuple):
@@ -54,7 +54,7 @@ class TrainState(NamedTuple):
     ppo_opt: Any  # optax state of (policy, value)
     adversary_opt: Any  # optax state of (reward, feasibility)
     obs_stats: ObsStats
-    replay: Trajectory  # earlier policy trajectories, [N, T, …]; the density-ratio terms draw half of theirs from it
+    replay: Trajectory  # of earlier policies, [N, T, …] (N/2 in the rows with a pool): half of the ratio terms' negatives
     key: PRNGKeyArray
     step: Int[Array, ""]
 

@@ -136,4 +136,4 @@ class Env:
     @property
     def enumerated(self) -> bool:
         """Whether observations are one-hot of few codes or nodes, so that a function of a step is a small table."""
-        return self.codes is not None or self.maze is not None
+        return (self.codes is not None or self.maze is not None) and not self.finite_horizon

@@ -42,7 +42,10 @@ def load(options: MeerkatOptions) -> Herd:
     """Read, validate, code and cut the tables, or simulate. ValueError as from `envs.tracks`, or for a bad setting."""
     if options.horizon < 1:
         raise ValueError(f"env.horizon={options.horizon}: an episode needs at least 1 step")
-    return _load(options, data_folder(options.data, "meerkat"))
+    folder = data_folder(options.data, "meerkat")
+    if folder is None and options.mapping != MeerkatOptions.mapping:
+        raise ValueError(f"env.mapping={options.mapping} has no tables to read; give env.data=DIR, or set AIRCL_DATA")
+    return _load(options, folder)
 
 
 @lru_cache(maxsize=2)

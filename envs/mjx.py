@@ -79,12 +79,12 @@ def _make(name: str, options: RobotOptions) -> Env:
         reset=reset,
         step=step,
         constraint_input=constraint.of,
-        demonstrations=_shipped(f"{name}_{options.constraint}"),
+        demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
     )
 
 
 def _shipped(name: str) -> str | None:
-    """The name, where envs/demonstrations holds such a file."""
+    """The name, where envs/demonstrations holds such a file: made under the constraint's default limit."""
     return name if (resources.files("envs") / "demonstrations" / f"{name}.npz").is_file() else None
 
 

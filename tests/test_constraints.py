@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 import pytest
 
+from aircl_jax.config import TrainConfig
+from aircl_jax.experts import demonstrations
 from envs import Step, make_env
 from envs.constraints import CONSTRAINTS, Constraint, find_constraint
 from envs.tasks import RobotState
@@ -72,6 +74,14 @@ def test_a_wrong_setting_names_itself_its_value_and_the_choices(name: str, setti
 def test_the_limit_moves_the_wall() -> None:
     assert _step([0.0, 0.0], [0.0, 0.0], 0.0)[1].cost == 0.0
     assert _step([0.0, 0.0], [0.0, 0.0], 0.0, limit=0.5)[1].cost == 1.0
+
+
+def test_demonstrations_ship_for_the_limit_that_they_were_made_under_and_no_other() -> None:
+    assert make_env("swimmer").demonstrations == "swimmer_torque"
+    assert make_env("swimmer", limit=0.5).demonstrations == "swimmer_torque"
+    assert make_env("swimmer", limit=0.3).demonstrations is None
+    with pytest.raises(ValueError, match="env=swimmer ships no demonstrations of these settings"):
+        demonstrations(make_env("swimmer", limit=0.3), [0], TrainConfig())
 
 
 def test_a_constraint_of_ones_own_is_a_function_and_a_row(monkeypatch: pytest.MonkeyPatch) -> None:

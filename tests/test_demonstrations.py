@@ -1,11 +1,13 @@
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from tiny import tiny_grid
+from tiny import TINY, tiny_grid
 
-from aircl_jax import demonstrations
-from envs import Box, Env
+from aircl_jax import api, demonstrations
+from aircl_jax.plan import make_plan
+from envs import Box, Env, make_env
 
 GRID = tiny_grid()
 N, T, O = 3, GRID.horizon, GRID.obs_size
@@ -91,3 +93,38 @@ def test_a_missing_file_is_named(tmp_path):
 def test_a_folder_without_a_minari_data_set_is_refused(tmp_path):
     with pytest.raises(ValueError, match="no Minari data set"):
         demonstrations.load(tmp_path, GRID)
+
+
+@pytest.mark.parametrize("shipped", [True, False])
+def test_the_reference_set_beside_a_file_counts_where_the_world_has_none(shipped, tmp_path):
+    mine = npz(tmp_path)
+    cost = np.tile([0.0, 1.0, 0.0, 0.0], (2 * N, 1))
+    if shipped:
+        obs, action = (np.concatenate([array] * 2) for array in (arrays()["obs"], arrays()["action"]))
+        np.savez(tmp_path / "mine_reference.npz", obs=obs, action=action, cost=cost)
+    plan = make_plan(
+        replace(GRID, tabular=None, has_reward=False),
+        "aircl_corrected",
+        contrast_prior="method",
+        seeds=2,
+        first_seed=0,
+        iterations=1,
+        demonstrations=mine,
+        env_settings={},
+        config=TINY,
+    )
+    expert, reference = api._demonstrations(plan)
+    assert expert.obs.shape == (2, N, T, O)
+    assert len(reference.cost) == (2 * N if shipped else N)
+    assert np.array_equal(reference.cost, cost) == shipped
+
+
+def test_observations_of_a_world_of_codes_must_be_one_hot(tmp_path):
+    world = make_env("labyrinth", data="simulated")
+    obs = np.eye(world.obs_size)[np.zeros((1, world.horizon), int)]
+    mask = np.arange(world.horizon)[None] < 3
+    action = np.zeros((1, world.horizon), int)
+    padded = npz(tmp_path, obs=obs * mask[..., None], action=action, mask=mask.astype(int))
+    assert demonstrations.load(padded, world).mask.sum() == 3
+    with pytest.raises(ValueError, match=r"obs is not one-hot in trajectory 0, step 3; labyrinth .* has 127 codes"):
+        demonstrations.load(npz(tmp_path, obs=obs * mask[..., None], action=action), world)

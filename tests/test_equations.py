@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tiny import TINY, naive, random_batches, random_scores
+from tiny import TINY, naive, random_batches, random_scores, random_trajectories, tiny_grid, tiny_networks, unit_stats
 
 from aircl_jax.adversary import TERMS, Batches, judge, trajectory_logit
 from aircl_jax.config import AdversaryConfig, Coefficients
 from aircl_jax.feasibility import RATIO_FLOOR, calibrate, log_feasibility, log_step_feasibility
 from aircl_jax.methods import METHODS
+from aircl_jax.relabel import policy_reward
 from aircl_jax.types import Scores
 
 COEFFICIENTS = Coefficients(contrast_coef=0.3, minimal_coef=0.2, sampled_coef=0.5, icrl_coef=0.6, sequence_ridge=0.1)
@@ -223,6 +224,24 @@ def test_corrected_feasibility_is_the_sequence_factor_times_the_least_step_facto
     expected = sharpened(one.sequence_logit) * masked(sharpened(one.step_logit), scores, np.min)
     log_delta = log_feasibility(METHODS["aircl_corrected"], COEFFICIENTS, scores)
     np.testing.assert_allclose(jnp.exp(log_delta), expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("temperature", [1.0, 0.1])
+def test_corrected_policy_is_paid_by_the_centred_reward_the_step_factor_and_the_entropy(temperature):
+    env, config = tiny_grid(), replace(TINY, temperature=temperature, coefficients=COEFFICIENTS)
+    nets, params = tiny_networks(env, "aircl_corrected", config)
+    expert, policy = random_trajectories(env, 0, 5), random_trajectories(env, 1, 6)
+    stats = unit_stats(env)
+    of_expert, of_policy = (
+        jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, one, one.log_prob) for one in (expert, policy)
+    )
+    reward, credit = policy_reward(nets, params, stats, expert, policy)
+    centre = masked(naive(of_expert).f, of_expert, np.mean).mean()
+    delta = np.maximum(sharpened(naive(of_policy).step_logit), np.exp(RATIO_FLOOR))
+    paid = naive(of_policy).f - centre + np.log(delta) - temperature * np.asarray(policy.log_prob)
+    np.testing.assert_allclose(reward, paid * naive(of_policy).mask, rtol=1e-6, atol=1e-9)
+    log_sequence = np.log(np.maximum(sharpened(naive(of_policy).sequence_logit), np.exp(RATIO_FLOOR)))
+    np.testing.assert_allclose(credit, log_sequence - log_sequence.mean(), rtol=1e-6, atol=1e-9)
 
 
 def test_thresholds_are_lowered_until_the_demonstrations_pass():

@@ -81,6 +81,13 @@ def test_the_reference_set_has_both_labels_and_no_structural_zero():
     assert not mob.truth().structural[arrays["obs"].argmax(axis=-1), arrays["action"]].any()
 
 
+@pytest.mark.parametrize("data", ["default", "simulated"])
+def test_a_mapping_without_tables_to_read_by_it_is_refused(data, monkeypatch):
+    monkeypatch.delenv("AIRCL_DATA", raising=False)
+    with pytest.raises(ValueError, match=r"env\.mapping=goats\.yaml has no tables to read; give env\.data=DIR"):
+        make_env("meerkat", data=data, mapping="goats.yaml")
+
+
 def test_the_frequencies_of_the_simulated_mob_carry_its_reward():
     """What a method could recover: log π_E(c'|c) correlates with r on the feasible pairs seen (0.94 with seed 0)."""
     arrays, truth = demonstrations(SIMULATED), mob.truth()

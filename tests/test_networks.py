@@ -96,6 +96,11 @@ def test_tables_of_an_enumerated_world_give_what_the_networks_give_step_by_step(
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-4, atol=1e-5), along(world), along(plain))
 
 
+def test_a_world_whose_policy_sees_time_has_no_tables_of_pairs():
+    world = make_env("labyrinth", data="simulated")
+    assert not replace(world, finite_horizon=True).enumerated
+
+
 def test_log_pi_of_a_box_is_a_diagonal_gaussians():
     env = one_state_env(lambda t, action: action.sum(), action_space=Box(2))
     nets, params = tiny_networks(env, "airl")

@@ -1,7 +1,7 @@
 """Seed s is the integer s: the same run alone or among ten, on one device or on two.
 
-The initial state is the same to the bit. A step is the same to rounding: on a CPU a device's seeds go one after another, and the
-compiler still treats loops of different lengths differently (6e-10 of a parameter after three steps).
+The initial state is the same to the bit. A step is the same to rounding: on a CPU a device's seeds go one after another, and
+the compiler still treats loops of different lengths differently (6e-10 of a parameter after three steps).
 """
 
 from dataclasses import replace
