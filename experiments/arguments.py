@@ -10,8 +10,14 @@ from aircl_jax.settings import updated
 T = TypeVar("T")
 
 
-def parse(words: Sequence[str], default: T) -> T:
-    """The settings with these words in place of their own. Raises ValueError, in one line, for what does not fit."""
+def parse(words: Sequence[str], default: T, about: str | None) -> T:
+    """The settings with these words in place of their own; `--help` prints `about` and ends.
+
+    Raises ValueError, in one line, for what does not fit.
+    """
+    if "--help" in words:
+        print(about)
+        raise SystemExit(0)
     given: dict[str, Any] = {}
     for word in words:
         name, equals, value = word.partition("=")

@@ -53,7 +53,7 @@ class Settings:
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and print; 0 done, 2 bad input."""
     try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings())
+        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
         rows = measure(settings)
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -7,16 +7,14 @@ coding (bout, step), out, draws (of bootstrap and null models), seed. Bad input:
 import json
 import shlex
 import sys
-from dataclasses import fields
 from pathlib import Path
-from typing import Any, get_args
 
 import numpy as np
 
 from aircl_jax import plots_animals as plots
 from aircl_jax import plots_ground
 from envs.data_source import VARIABLE
-from envs.windows import Coding
+from experiments.arguments import parse
 from experiments.figure2_analysis import NICE, Numbers, Settings, Study, analyse, read
 from experiments.figure2_report import report
 
@@ -25,10 +23,10 @@ CELLS = 60  # of the map's regions along its longer side
 
 def main(arguments: list[str]) -> int:
     try:
-        settings = parse(arguments)
+        settings = parse(arguments, Settings(), __doc__)
         study = read(settings)
     except ValueError as error:
-        print(f"figure2: {error}", file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
         return 2
     out = Path(settings.out)
     out.mkdir(parents=True, exist_ok=True)
@@ -40,26 +38,6 @@ def main(arguments: list[str]) -> int:
     (out / "report.md").write_text(report(study, numbers, command))
     print(out / "report.md")
     return 0
-
-
-def parse(arguments: list[str]) -> Settings:
-    """key=value words as settings. Raises ValueError for an unknown key or a value of the wrong kind."""
-    known: dict[str, type] = {field.name: type(field.default) for field in fields(Settings)}
-    given: dict[str, Any] = {}
-    for word in arguments:
-        key, equals, value = word.partition("=")
-        if not equals or key not in known:
-            raise ValueError(f"unknown setting {word!r}; choose from {', '.join(f'{name}=' for name in known)}")
-        try:
-            given[key] = known[key](value)
-        except ValueError:
-            raise ValueError(f"{key}={value} is not a whole number") from None
-    settings = Settings(**given)
-    if settings.coding not in get_args(Coding):
-        raise ValueError(f"coding={settings.coding} is unknown; choose from {', '.join(get_args(Coding))}")
-    if settings.draws < 1 or settings.seed < 0:
-        raise ValueError(f"draws={settings.draws} seed={settings.seed}: draws begin at 1 and seeds at 0")
-    return settings
 
 
 def draw(study: Study, settings: Settings, numbers: Numbers) -> None:

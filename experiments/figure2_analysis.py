@@ -29,6 +29,10 @@ class Settings:
     draws: int = 2000
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        if self.draws < 1 or self.seed < 0:
+            raise ValueError(f"draws={self.draws} seed={self.seed}: draws begin at 1 and seeds at 0")
+
 
 class Study(NamedTuple):
     """What was read: rows, their codes and transitions; positions in the unit that figures show."""

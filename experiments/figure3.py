@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Draw and write; 0 done, 2 bad input."""
     words = sys.argv[1:] if argv is None else list(argv)
     try:
-        path = draw(parse(words, Settings()), shlex.join(["python", "-m", "experiments.figure3", *words]))
+        path = draw(parse(words, Settings(), __doc__), shlex.join(["python", "-m", "experiments.figure3", *words]))
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

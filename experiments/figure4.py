@@ -8,6 +8,7 @@ where the truth is known; `scale=smoke out=DIR` is a quick pass elsewhere. Bad i
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from aircl_jax import runtime
 
@@ -31,11 +32,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Make what is missing, then the report; 0 done, 2 bad input, 130 interrupted."""
     arguments = sys.argv[1:] if argv is None else list(argv)
     try:
-        settings = parse(arguments, Settings())
+        settings = parse(arguments, Settings(), __doc__)
         study = cells.read(settings)
         methods = cells.methods(settings, study)
     except ValueError as error:
-        print(f"figure4: {error}", file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)
         return 2
     variable = "" if study.simulated or settings.data != "default" else f"{VARIABLE}=DIR "
     command = variable + shlex.join(["python", "-m", "experiments.figure4", *arguments])
@@ -45,23 +46,28 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; the same command continues", file=sys.stderr)
         return 130
+    except cells.OtherSettingsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     print(study.folder / "report.md")
     return 0
 
 
 def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterator[words.Found]:
     """What there is after each cell: the yardsticks, then every method, then the recordings held out."""
-    yardsticks = cells.kept(study.folder / "yardsticks.json", lambda: cells.yardstick_cell(settings, study))
+    of_these = {"windows": len(study.codes)}
+    as_asked = of_these | {"seeds": list(range(settings.seeds))}
+    yardsticks = cells.kept(study.folder / "yardsticks.json", of_these, partial(cells.yardstick_cell, settings, study))
     found = words.Found(yardsticks, {}, {})
     for method in methods:
         path = study.folder / f"{method}.json"
-        found.methods[method] = cells.kept(path, lambda method=method: cells.method_cell(settings, study, method))
+        found.methods[method] = cells.kept(path, as_asked, partial(cells.method_cell, settings, study, method))
         yield found
     folds = min(settings.folds, len(np.unique(study.herd.windows.recording)) // 2)
     for method in (method for method in cells.HELD_OUT if method in methods):
         for fold in range(folds):
             path = study.folder / "held_out" / f"{method}_{fold}.json"
-            cell = cells.kept(path, lambda fold=fold, method=method: cells.held_out_cell(settings, study, method, fold))
+            cell = cells.kept(path, {"fold": fold}, partial(cells.held_out_cell, settings, study, method, fold))
             found.held_out.setdefault(method, []).append(cell)
         yield found
 

@@ -2,7 +2,7 @@
 
 import json
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -100,11 +100,19 @@ def read(settings: Settings) -> Study:
     default = "results/figure4" if settings.scale == "full" else "runs/figure4_smoke"
     out = Path(default if settings.out == "default" else settings.out)
     real = {lag: link_strengths(codes, len(herd.windows.names), lag) for lag in LAGS}
-    return Study(herd, codes, real, out / ("simulated" if herd.truth else "recorded"), _commit())
+    kind = "simulated" if herd.truth else "recorded" if settings.mapping == Settings.mapping else Path(settings.mapping).stem
+    return Study(herd, codes, real, out / kind, _commit())
 
 
-def kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """The cell of that file, made and written if it is not there: what is finished is not done again."""
+class OtherSettingsError(ValueError):
+    """A finished cell is not what is asked for."""
+
+
+def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """The cell of that file, made and written if it is not there: what is finished is not done again.
+
+    Raises OtherSettingsError, in one line, where one is there that says something else of what is `asked`.
+    """
     if not path.exists():
         print(f"making {path}", flush=True)
         cell = make()
@@ -112,7 +120,11 @@ def kept(path: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         beside = path.with_suffix(".new")
         beside.write_text(json.dumps(cell) + "\n")
         beside.replace(path)
-    return json.loads(path.read_text())
+    cell = json.loads(path.read_text())
+    for name, value in asked.items():
+        if cell[name] != value:
+            raise OtherSettingsError(f"{path} has {name}={cell[name]}, asked for is {value}; give out=DIR, or remove the file")
+    return cell
 
 
 def methods(settings: Settings, study: Study) -> tuple[str, ...]:

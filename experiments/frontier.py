@@ -36,7 +36,7 @@ class Settings:
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the frontier; 0 done, 2 bad input."""
     try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings())
+        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
         env = make_env("pendulum", noise=settings.noise)
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -61,7 +61,7 @@ class Settings:
 def main(argv: Sequence[str] | None = None) -> int:
     """Train the cells that are missing, then write the table; 0 done, 2 bad input."""
     try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings())
+        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

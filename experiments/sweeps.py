@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Train the sweeps that are missing, then write; 0 done, 2 bad input, 130 interrupted."""
     words = sys.argv[1:] if argv is None else list(argv)
     try:
-        settings = parse(words, Settings())
+        settings = parse(words, Settings(), __doc__)
         chosen = listed("sweep", settings.sweep, tuple(SWEEPS))
         own = settings.seeds == SEEDS and not settings.iterations
         if not own and Path(settings.out).resolve() == Path(RESULTS).resolve():

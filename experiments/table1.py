@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Train what is missing and write the table and the claims; 0 done, 2 bad input, 130 interrupted."""
     words = sys.argv[1:] if argv is None else list(argv)
     try:
-        settings = parse(words, Settings())
+        settings = parse(words, Settings(), __doc__)
         job = job_of(settings)
         chosen = chosen_cells(settings)
         cells.load(job)  # refuses what is of another scale, before anything is trained

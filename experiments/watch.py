@@ -30,11 +30,8 @@ class Settings:
 def main(argv: Sequence[str] | None = None) -> int:
     """Roll out, draw and write; 0 done, 2 bad input."""
     words = sys.argv[1:] if argv is None else list(argv)
-    if "--help" in words:
-        print(__doc__)
-        return 0
     try:
-        for path, caption in watch(parse(words, Settings())):
+        for path, caption in watch(parse(words, Settings(), __doc__)):
             print(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)

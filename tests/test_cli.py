@@ -1,3 +1,4 @@
+import importlib
 import json
 import os
 import subprocess
@@ -77,6 +78,16 @@ def test_a_run_directory_that_is_a_file_is_refused(capsys):
     Path("taken").write_text("mine")
     assert "run_dir=taken is a file" in refused("run_dir=taken", capsys)
     assert "is a file" in refused("run_dir=taken/deeper", capsys)
+
+
+@pytest.mark.parametrize(
+    "command", ["benchmark", "figure2", "figure3", "figure4", "frontier", "recovery", "sweeps", "table1", "watch"]
+)
+def test_every_command_says_what_it_is_for(command, capsys):
+    with pytest.raises(SystemExit) as ended:
+        importlib.import_module(f"experiments.{command}").main(["--help"])
+    assert ended.value.code == 0
+    assert f"python -m experiments.{command}" in capsys.readouterr().out
 
 
 def test_help_names_every_env_and_method(capsys):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.plots_ground import Rows, regions
-from experiments.figure2 import main, parse
+from experiments.figure2 import main
 from experiments.figure2_analysis import nice_width
 
 needs_data = pytest.mark.skipif(
@@ -30,9 +30,9 @@ def test_the_simulated_mob_gives_every_figure_and_says_that_it_is_simulated(tmp_
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["colour=red"], "unknown setting 'colour=red'; choose from data="),
-        (["draws=many"], "draws=many is not a whole number"),
-        (["coding=leap"], "coding=leap is unknown; choose from bout, step"),
+        (["colour=red"], "unknown setting colour; choose from data"),
+        (["draws=many"], "draws=many is not an integer"),
+        (["coding=leap"], "coding=leap is not one of bout, step"),
         (["draws=0"], "draws begin at 1"),
         (["data=nowhere"], "env.data=nowhere: no such folder"),
         (["mapping=cats", "data=."], "unknown mapping 'cats'"),
@@ -44,10 +44,6 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, capsys, tmp_pat
     assert words in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_settings_are_read_by_name():
-    assert parse(["draws=7", "coding=step"]).draws == 7
 
 
 @pytest.mark.parametrize(("width", "nice"), [(10_982.0, 10_000.0), (0.4, 0.5), (17.0, 20.0), (1.0, 1.0)])

@@ -51,7 +51,9 @@ def test_a_cell_is_made_once(tmp_path):
         return {"value": len(made)}
 
     path = tmp_path / "folder" / "cell.json"
-    assert cells.kept(path, make) == cells.kept(path, make) == {"value": 1}
+    assert cells.kept(path, {}, make) == cells.kept(path, {"value": 1}, make) == {"value": 1}
+    with pytest.raises(ValueError, match=r"cell\.json has value=1, asked for is 2; give out=DIR"):
+        cells.kept(path, {"value": 2}, make)
 
 
 def test_what_was_recovered_is_read_back_from_a_cell_undefined_included():

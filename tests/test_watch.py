@@ -271,11 +271,6 @@ def test_a_mistake_is_one_line_and_exit_code_2(words, message, run_dir, tmp_path
     assert message.replace("RUN", str(run_dir)) in printed.err
 
 
-def test_help_says_what_each_word_is_for(capsys):
-    assert main(["--help"]) == 0
-    assert "film_strip.png" in capsys.readouterr().out
-
-
 def test_figure_3_draws_the_runs_that_are_there_and_says_which_are_not(run_dir, tmp_path, capsys):
     (tmp_path / "pendulum").mkdir()
     (tmp_path / "pendulum" / "aircl_corrected").symlink_to(run_dir)
