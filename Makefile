@@ -10,7 +10,7 @@ export AIRCL_DATA ?= $(abspath ../shared/data)
 endif
 
 run: $(INSTALLED)
-	$(BIN)/python -m experiments.run env=gridworld overwrite=true
+	$(BIN)/python -m experiments.run env=gridworld run_dir=runs/first overwrite=true
 
 test: $(INSTALLED)
 	$(BIN)/python -m pytest -m "not slow" -n 2 --dist worksteal

@@ -26,7 +26,7 @@ def markdown(study: Study) -> str:
         "claim holds, or does not hold, if more than half of its lines do; a line whose cells are missing cannot be told. "
         f"With fewer than {FEWEST_SEEDS} seeds nothing can."
     )
-    animals = "Figures 2 and 4 of the paper, on animals, are not in these cells: `results/figure2/report.md` has the former."
+    animals = "Figures 2 and 4 of the paper, on animals, are not in these cells: see `results/figure2` and `results/figure4`."
     parts = [
         "# Smoke test of the claims' machinery" if smoke else "# The paper's claims beside what we measured",
         *([warning(study)] if smoke else []),

@@ -8,7 +8,7 @@ import numpy as np
 from aircl_jax.report import statistics
 from experiments.cells import Study
 from experiments.comparison import FEWEST_SEEDS, SIGNIFICANCE, differences, holm, interval, mean, paired_p
-from experiments.paper import COLUMNS, PAPER
+from experiments.paper import COLUMNS, METHODS_OF_THE_PAPER, PAPER
 
 Verdict = Literal["holds", "does not hold", "cannot be told"]
 LOWER_IS_BETTER = ("violation_rate", "violation_rate_policy", "logit_size")
@@ -125,15 +125,15 @@ class Bound(NamedTuple):
 
 
 class Harder(NamedTuple):
-    """Every row violates more in one environment than in another: the means of all rows of which both cells are there."""
+    """Every row of the paper violates more in one environment than in another: the means of those with both cells."""
 
     env: str
     than: str
 
-    rule = "Holds: the mean of every row is worse. Does not hold: that of half of the rows or fewer is. Cannot be told: else."
+    rule = "Holds: the mean of every row of the paper is worse. Does not hold: of half or fewer. Cannot be told: else."
 
     def findings(self, study: Study) -> list[Finding]:
-        here, there = (study.column(env, "violation_rate") for env in (self.env, self.than))
+        here, there = (study.column(env, "violation_rate", METHODS_OF_THE_PAPER) for env in (self.env, self.than))
         both = [(mean(here[method]), mean(there[method])) for method in here if method in there]
         pairs = [(one, other) for one, other in both if one is not None and other is not None]
         what = f"violation_rate higher than on {self.than}"

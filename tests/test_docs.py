@@ -65,7 +65,7 @@ def parsed_by(module: str) -> Callable[[list[str]], int]:
     def understood(words: list[str]) -> int:
         from experiments.arguments import parse
 
-        parse(words, importlib.import_module(module).Settings())
+        parse(words, importlib.import_module(module).Settings(), None)
         return 0
 
     return understood
