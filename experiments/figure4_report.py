@@ -85,10 +85,20 @@ def report(settings: Settings, study: Study, found: Found, command: str, caption
         parts.append(f"## What drives and what binds them, by {SHOWN}\n\n" + preferences.in_words(recovered, codes))
         parts += [f"![{name}]({name}.png)\n\n{caption}" for name, caption in captions.items()]
     parts.append("## Settled?\n\n" + settled(found))
+    parts.append("## What the cells were made with\n\n" + made_with(found))
     parts.append(
         "## Alarms\n\n" + "\n".join(f"- {name}: {line}" for name, cell in found.methods.items() for line in cell["alarms"])
     )
     return "\n\n".join(parts) + "\n"
+
+
+def made_with(found: Found) -> str:
+    rows = [
+        f"| {name} | {cell['commit']} | {cell['iterations']} | {cell['wall_s']:.0f} | `{cell['command']}` |"
+        for name, cell in found.methods.items()
+    ]
+    head = "| | commit | iterations | seconds | trained as by |\n|---|---|---|---|---|\n"
+    return head + "\n".join(rows) + "\n\nA method's settings are those of `aircl_jax/config.py` at its commit."
 
 
 def _lags(lag: str) -> str:
