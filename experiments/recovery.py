@@ -1,4 +1,4 @@
-"""Is the constraint recovered? Every method on four grids beside the corrected one: `python -m experiments.recovery`.
+"""Is the constraint recovered? Every method on the default grid, three on three more: `python -m experiments.recovery`.
 
 A finished cell is kept in results/recovery/WORLD/METHOD.json with its command and commit, and skipped by the next call;
 `seeds=2 iterations=4 out=DIR` makes a quick pass elsewhere.
