@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import resources
@@ -24,8 +23,6 @@ ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "bc")
 KNOWS_REWARD = ("gacl", "icrl", "icrl_prior")  # rows that are given the true reward
 POINTS = 20  # of a learning curve, at least
 CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
-CODE = ("aircl_jax", "envs")  # what a cell's numbers depend on
-ROOT = Path(__file__).parent.parent
 
 Cell = Mapping[str, Any]
 Cells = Mapping[tuple[str, str], Cell]  # by env and method
@@ -222,26 +219,6 @@ def values(cell: Cell, metric: str) -> Values:
         return dict(zip(cell["seeds"], ratios, strict=True))
     found = cell["metrics"].get(metric, {}).get("per_seed", [None] * len(cell["seeds"]))
     return dict(zip(cell["seeds"], found, strict=True))
-
-
-def current_commit() -> str:
-    """Of this project; `-dirty` where the code differs from it."""
-    found = _git("rev-parse", "--short", "HEAD")
-    if found.returncode:
-        return "unknown"
-    changed = _git("diff", "--quiet", "HEAD", "--", *CODE, "experiments").returncode
-    return found.stdout.strip() + ("-dirty" if changed else "")
-
-
-def changed_since(commit: str) -> bool | None:
-    """Whether the library's code differs from that of a commit; None where nobody can tell."""
-    if commit.endswith("-dirty"):
-        return None
-    return {0: False, 1: True}.get(_git("diff", "--quiet", commit, "--", *CODE).returncode)
-
-
-def _git(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=False)
 
 
 def listed(name: str, given: str, known: Sequence[str]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from experiments.cells import COLUMNS, KNOWS_REWARD, ROWS, Study
-from experiments.comparison import SIGNIFICANCE, against_best, mean
+from experiments.comparison import SIGNIFICANCE, against_best, mean, spread
 from experiments.paper import PAPER
 from experiments.verdicts import Bound, Contrast, Finding, Harder, Rule, Verdict, missing, told
 
@@ -169,13 +169,12 @@ def at_the_optimum(study: Study) -> str:
     )
     return (
         f"{says}\n\nOf {len(ends)} runs (cells × seeds), {len(coins)} ended with a balanced accuracy within {BALANCED:g} of "
-        f"½: {_spread(coins)}. With a mean |log D/(1 − D)| of at most {EVEN:.3f}, D between 0.4 and 0.6, ended {len(even)}: "
-        f"{_spread(even)}."
+        f"½: {_range(coins)}. With a mean |log D/(1 − D)| of at most {EVEN:.3f}, D between 0.4 and 0.6, ended {len(even)}: "
+        f"{_range(even)}."
     )
 
 
-def _spread(accuracies: Sequence[float]) -> str:
+def _range(accuracies: Sequence[float]) -> str:
     if not accuracies:
         return "nothing to tell"
-    mean_std = f"{np.mean(accuracies):.3f} ± {np.std(accuracies):.3f}"
-    return f"RCAcc {mean_std}, from {min(accuracies):.3f} to {max(accuracies):.3f}"
+    return f"RCAcc {spread(accuracies, 3)}, from {min(accuracies):.3f} to {max(accuracies):.3f}"

@@ -1,6 +1,7 @@
 """Which differences a few seeds can show: paired tests, Holm's correction and bootstrap intervals."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -12,6 +13,35 @@ RESAMPLES = 9999
 FEWEST_SEEDS = 6  # with fewer, no paired test of ours gives a p below 5 %
 
 Values = Mapping[int, float | None]  # {seed: value}, None where undefined
+
+
+class Effect(NamedTuple):
+    """Paired difference over seeds: mean, 95 % t interval, Cohen's d of the pairs, Wilcoxon's p."""
+
+    mean: float
+    low: float
+    high: float
+    size: float
+    p: float
+
+
+def effect(one: Sequence[float], other: Sequence[float]) -> Effect:
+    """one − other, pair by pair; NaN where there are fewer than two."""
+    difference = np.array(one, float) - np.array(other, float)
+    number, mean = len(difference), float(difference.mean())
+    if number < 2:
+        return Effect(mean, *[float("nan")] * 4)
+    spread = float(difference.std(ddof=1))
+    half = float(stats.t.ppf(0.5 + CONFIDENCE / 2, number - 1)) * spread / number**0.5
+    return Effect(mean, mean - half, mean + half, mean / spread if spread else float("nan"), paired_p(difference))
+
+
+def spread(values: Sequence[float | None], digits: int = 4) -> str:
+    """Mean ± sample standard deviation in words; — where it is undefined for one, or where there is none."""
+    array = np.array(values, float)
+    if not array.size or not np.isfinite(array).all():
+        return "—"
+    return f"{array.mean():.{digits}f}" + (f" ± {array.std(ddof=1):.{digits}f}" if len(array) > 1 else "")
 
 
 def mean(values: Values) -> float | None:

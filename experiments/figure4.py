@@ -23,6 +23,7 @@ from aircl_jax.plots_style import DPI, STYLE  # noqa: E402
 from envs import Codes  # noqa: E402
 from envs.data_source import VARIABLE  # noqa: E402
 from experiments import figure4_cells as cells  # noqa: E402
+from experiments import figure4_held_out as held_out  # noqa: E402
 from experiments import figure4_report as words  # noqa: E402
 from experiments.arguments import parse  # noqa: E402
 from experiments.figure4_cells import Settings, Study  # noqa: E402
@@ -64,10 +65,10 @@ def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterato
         found.methods[method] = cells.kept(path, as_asked, partial(cells.method_cell, settings, study, method))
         yield found
     folds = min(settings.folds, len(np.unique(study.herd.windows.recording)) // 2)
-    for method in (method for method in cells.HELD_OUT if method in methods):
+    for method in (method for method in held_out.METHODS if method in methods):
         for fold in range(folds):
             path = study.folder / "held_out" / f"{method}_{fold}.json"
-            cell = cells.kept(path, {"fold": fold}, partial(cells.held_out_cell, settings, study, method, fold))
+            cell = cells.kept(path, {"fold": fold}, partial(held_out.held_out_cell, settings, study, method, fold))
             found.held_out.setdefault(method, []).append(cell)
         yield found
 

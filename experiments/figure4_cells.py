@@ -1,8 +1,7 @@
 """The cells of Figure 4: one method trained on one mob, its causal links beside the real ones, and what it recovered."""
 
 import json
-import subprocess
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any, Literal, NamedTuple, cast
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from aircl_jax import Result, train
 from aircl_jax.causal import (
@@ -30,12 +29,13 @@ from aircl_jax.sampler import SAMPLERS, take
 from aircl_jax.train import trajectory_feasibility
 from aircl_jax.types import TrainState, Trajectory
 from envs import Tabular
-from envs.meerkat import Herd, demonstrations, held_out_recordings, load
+from envs.meerkat import Herd, load
 from envs.options import MeerkatOptions
+from experiments.cells import listed
+from experiments.commits import current_commit
 
 METHODS = ("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
 GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the simulated mob
-HELD_OUT = ("aircl_corrected", "airl", "bc")
 SMOKE = {
     "num_trajectories": 10,
     "num_evaluation": 8,
@@ -46,7 +46,6 @@ SMOKE = {
 }
 LAGS = (1, 5)  # τ_max of the analyses
 POOL = 4  # episodes of π for each window that is drawn from them by δ̄
-SMOOTHINGS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # pseudo-counts that cross-validation chooses from
 KEY_WINDOWS = 4  # folded into a state's key: other episodes than training's or the evaluation's
 
 
@@ -101,7 +100,7 @@ def read(settings: Settings) -> Study:
     out = Path(default if settings.out == "default" else settings.out)
     real = {lag: link_strengths(codes, len(herd.windows.names), lag) for lag in LAGS}
     kind = "simulated" if herd.truth else "recorded" if settings.mapping == Settings.mapping else Path(settings.mapping).stem
-    return Study(herd, codes, real, out / kind, _commit())
+    return Study(herd, codes, real, out / kind, current_commit())
 
 
 class OtherSettingsError(ValueError):
@@ -129,14 +128,7 @@ def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]
 
 def methods(settings: Settings, study: Study) -> tuple[str, ...]:
     """The methods asked for, in the order of the table. ValueError for one that is not of it."""
-    table = METHODS + (GIVEN_REWARD if study.simulated else ())
-    if settings.methods == "all":
-        return table
-    asked = settings.methods.split(",")
-    for name in asked:
-        if name not in table:
-            raise ValueError(f"unknown method {name!r} in methods; choose from all, {', '.join(table)}")
-    return tuple(name for name in table if name in asked)
+    return listed("method", settings.methods, METHODS + (GIVEN_REWARD if study.simulated else ()))
 
 
 def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]:
@@ -217,56 +209,6 @@ def yardstick_cell(settings: Settings, study: Study) -> dict[str, Any]:
     return cell
 
 
-def held_out_cell(settings: Settings, study: Study, method: str, fold: int) -> dict[str, Any]:
-    """Mean log P(next code) of two recordings under the policy that was trained on the others, and under a Markov chain."""
-    where = {"data": settings.data, "mapping": settings.mapping, "split": "train", "fold": fold}
-    result = train(
-        "meerkat",
-        method,
-        seeds=1,
-        iterations=settings.iterations,
-        env_settings=where,
-        config=settings.training,
-    )
-    table = cast(Tabular, result.plan.env.tabular)
-    options = MeerkatOptions(data=settings.data, mapping=settings.mapping, fold=fold)
-    now, after = _transitions(options)
-    log_policy = recover(result, table).log_policy[0]
-    smoothing, chain = smoothed_chain(study, held_out_recordings(options))
-    return {
-        "fold": fold,
-        "recordings": held_out_recordings(options),
-        "transitions": now.size,
-        "policy": float(log_policy[now, after].mean()),
-        "chain": float(np.log(chain)[now, after].mean()),
-        "smoothing": smoothing,
-        "commit": study.commit,
-    }
-
-
-def _transitions(options: MeerkatOptions) -> tuple[Int[np.ndarray, "N T"], Int[np.ndarray, "N T"]]:
-    arrays = demonstrations(options, "held_out")
-    return arrays["obs"].argmax(axis=-1), arrays["action"]
-
-
-def smoothed_chain(study: Study, held_out: Sequence[str]) -> tuple[float, Float[np.ndarray, "C C"]]:
-    """The first-order chain of the other recordings, its pseudo-count chosen by leaving out one of these at a time."""
-    windows = study.herd.windows
-    names = [name for name in np.unique(windows.recording).tolist() if name not in held_out]
-
-    def score(smoothing: float) -> float:
-        total = 0.0
-        for name in names:
-            fitted = np.isin(windows.recording, [other for other in names if other != name])
-            log_chain = np.log(markov_chain(windows.code[fitted], study.num_codes, smoothing)[1])
-            judged = windows.code[windows.recording == name]
-            total += log_chain[judged[:, :-1], judged[:, 1:]].sum()
-        return total
-
-    best = max(SMOOTHINGS, key=score)
-    return best, markov_chain(windows.code[np.isin(windows.recording, names)], study.num_codes, best)[1]
-
-
 def _command(settings: Settings, study: Study, method: str) -> str:
     """The run that trains the same."""
     data = "env.data=simulated" if study.simulated else "env.data=DIR"
@@ -289,9 +231,3 @@ def _rounded(values: Any) -> Any:
     if array.ndim:
         return [_rounded(item) for item in array]
     return (float(f"{array:.4g}") if array.dtype.kind == "f" else int(array)) if np.isfinite(array) else None
-
-
-def _commit() -> str:
-    command = ["git", "rev-parse", "--short", "HEAD"]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    return found.stdout.strip() or "unknown"

@@ -1,17 +1,15 @@
 """The words of Figure 4: mean |ΔV| beside its yardsticks, held-out likelihood, the contrast prior, recovery, plain words."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
-from scipy.stats import t as student
-from scipy.stats import wilcoxon
 
 from aircl_jax import preferences
 from envs import Codes
-from envs.mob import Truth
+from experiments.comparison import effect, spread
 from experiments.figure4_cells import Settings, Study, from_json
+from experiments.figure4_truth import against_truth
 
 SHOWN = "aircl_corrected"  # whose learned functions are put in words, and which the others are compared with
 YARDSTICKS = {"halves": "two halves", "noise_floor": "noise floor", "markov_chain": "Markov chain", "uniform": "uniform random"}
@@ -28,28 +26,6 @@ class Found(NamedTuple):
     yardsticks: dict[str, Any]
     methods: dict[str, dict[str, Any]]
     held_out: dict[str, list[dict[str, Any]]]
-
-
-class Effect(NamedTuple):
-    """Paired difference over seeds: mean, 95 % t interval, Cohen's d of the pairs, Wilcoxon's p."""
-
-    mean: float
-    low: float
-    high: float
-    size: float
-    p: float
-
-
-def effect(one: Sequence[float], other: Sequence[float]) -> Effect:
-    """one − other, pair by pair; NaN where there are fewer than two."""
-    difference = np.array(one, float) - np.array(other, float)
-    number, mean = len(difference), float(difference.mean())
-    if number < 2:
-        return Effect(mean, *[float("nan")] * 4)
-    spread = float(difference.std(ddof=1))
-    half = float(student.ppf(0.975, number - 1)) * spread / number**0.5
-    p = float(np.asarray(wilcoxon(difference))[1]) if np.any(difference) else 1.0
-    return Effect(mean, mean - half, mean + half, mean / spread if spread else float("nan"), p)
 
 
 def named_yardsticks(cell: Mapping[str, Any], lag: str) -> dict[str, list[float]]:
@@ -78,7 +54,7 @@ def report(settings: Settings, study: Study, found: Found, command: str, caption
         "## The contrast prior\n\n" + prior(found, lag),
     ]
     if study.simulated:
-        parts.append("## Against the known truth\n\n" + recovery(study, found))
+        parts.append("## Against the known truth\n\n" + against_truth(study, found.methods))
     if SHOWN in found.methods:
         recovered = from_json(found.methods[SHOWN]["recovered"])
         codes = Codes(study.herd.windows.names, study.herd.impossible)
@@ -116,11 +92,11 @@ def difference_table(found: Found, lag: str) -> str:
     for name, cell in found.methods.items():
         sampled, policy = (cell["difference"][of][lag] for of in ("sampled", "policy"))
         against = ("", "") if ours is None or name == SHOWN else _against(sampled, ours)
-        row = (name, _spread(sampled), _spread(policy), f"{np.mean(sampled) / floor:.2f}", *against)
+        row = (name, spread(sampled), spread(policy), f"{np.mean(sampled) / floor:.2f}", *against)
         lines.append(f"| {' | '.join(row)} |")
     for name, values in named_yardsticks(found.yardsticks, lag).items():
         against = ("", "") if ours is None or name in ("two halves", "noise floor") else _against(values, ours)
-        lines.append(f"| *{name}* | {_spread(values)} | | {np.mean(values) / floor:.2f} | {against[0]} | {against[1]} |")
+        lines.append(f"| *{name}* | {spread(values)} | | {np.mean(values) / floor:.2f} | {against[0]} | {against[1]} |")
     real = found.yardsticks[lag]["per_seed"]["real_strength"][0]
     seeds = sorted({len(cell["seeds"]) for cell in found.methods.values()})
     return "\n".join(
@@ -166,12 +142,12 @@ def held_out(found: Found) -> str:
     lines = ["| | mean log P of the next code | less the chain's [95 % over folds] | folds won |", "|---|---|---|---|"]
     for name, values in scores.items():
         if name == "Markov chain":
-            lines.append(f"| *first-order Markov chain* | {_spread(values, 4)} | | |")
+            lines.append(f"| *first-order Markov chain* | {spread(values, 4)} | | |")
             continue
         found_effect = effect(values, chain)
         won = int(np.sum(np.array(values) > chain))
         interval = f"{found_effect.mean:+.4f} [{found_effect.low:+.4f}, {found_effect.high:+.4f}]"
-        lines.append(f"| {name} | {_spread(values, 4)} | {interval} | {won} of {folds} |")
+        lines.append(f"| {name} | {spread(values, 4)} | {interval} | {won} of {folds} |")
     smoothing = sorted({cell["smoothing"] for cell in next(iter(found.held_out.values()))})
     return "\n".join(
         [
@@ -197,7 +173,7 @@ def prior(found: Found, lag: str) -> str:
                 continue
             one = effect(*values)
             lines.append(
-                f"| {name}: {with_it} − {without} | {_spread(values[0])} | {_spread(values[1])} | "
+                f"| {name}: {with_it} − {without} | {spread(values[0])} | {spread(values[1])} | "
                 f"{one.mean:+.4f} [{one.low:+.4f}, {one.high:+.4f}] | {one.size:+.2f} | {one.p:.3f} |"
             )
     known = "" if "icrl" in found.methods else " ICRL needs the true reward, which nobody knows here; see the simulated mob."
@@ -218,41 +194,6 @@ def _measures(found: Found, lag: str, *names: str) -> dict[str, list[list[float]
     return measured
 
 
-def recovery(study: Study, found: Found) -> str:
-    """Recovered reward and constraint against the simulated mob's own."""
-    truth = cast(Truth, study.herd.truth)
-    heads = ("", "corr(f, r), visited steps", "corr(f, r), each seen change once", "AUROC of δ̄, windows", "gap")
-    heads += ("AUROC of δ₁, changes", "violations, q", "π")
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for name, cell in found.methods.items():
-        recovered, measured = from_json(cell["recovered"]), cell["metrics"]
-        seen = (recovered.seen > 0) & ~truth.forbidden
-        by_change = [_correlation(one[seen], truth.reward[seen]) for one in recovered.reward]
-        judged = (preferences.expected(recovered.seen, truth.structural) >= preferences.LEAST_EXPECTED) & ~truth.structural
-        ranked = [_auroc(one[judged], ~truth.forbidden[judged]) for one in recovered.delta]
-        reward, auroc, gap = (_metric(measured, key) for key in ("reward_correlation", "feasibility_auroc", "feasibility_gap"))
-        rates = [_metric(measured, key) for key in ("violation_rate", "violation_rate_policy")]
-        row = (name, reward, _spread(by_change, 2), auroc, gap, _spread(ranked, 2), *rates)
-        lines.append(f"| {' | '.join(row)} |")
-    return "\n".join([*lines, "", "Changes are judged where chance would have shown them 5 times; `—` is undefined."])
-
-
-def _correlation(found: Float[np.ndarray, " K"], true: Float[np.ndarray, " K"]) -> float:
-    return float(np.corrcoef(found, true)[0, 1]) if np.isfinite(found).all() and np.ptp(found) > 0 else float("nan")
-
-
-def _auroc(score: Float[np.ndarray, " K"], positive: Any) -> float:
-    if not np.isfinite(score).all():
-        return float("nan")
-    wins = np.sign(score[positive][:, None] - score[~positive][None]) * 0.5 + 0.5
-    return float(wins.mean())
-
-
-def _metric(metrics: Mapping[str, Any], name: str) -> str:
-    values = metrics[name]["per_seed"]
-    return "—" if any(value is None for value in values) else _spread(values, 3)
-
-
 def settled(found: Found) -> str:
     """Means over the seeds at three quarters of the training and at its end."""
     lines = ["| | entropy of π at ¾ | at the end | wall time (s) |", "|---|---|---|---|"]
@@ -262,10 +203,3 @@ def settled(found: Found) -> str:
         at = int(len(curve) * 0.75)
         lines.append(f"| {name} | {curve[at : at + fifth].mean():.3f} | {curve[-fifth:].mean():.3f} | {cell['wall_s']:.0f} |")
     return "\n".join(lines)
-
-
-def _spread(values: Sequence[float], digits: int = 4) -> str:
-    array = np.array(values, float)
-    if not np.isfinite(array).all():
-        return "—"
-    return f"{array.mean():.{digits}f}" + (f" ± {array.std(ddof=1):.{digits}f}" if len(array) > 1 else "")

@@ -5,7 +5,6 @@ A finished cell is kept in results/recovery/WORLD/METHOD.json with its command a
 """
 
 import json
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ runtime.prepare()  # before anything imports jax
 
 from aircl_jax import METHODS, train  # noqa: E402
 from experiments.arguments import parse  # noqa: E402
+from experiments.commits import current_commit  # noqa: E402
 
 # Five random obstacles each, drawn once: numpy.random.default_rng(1) and (2), cells other than start and goal, redrawn
 # until a clean path of ten steps is left.
@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    commit = _commit()  # of the code that this process has loaded
+    commit = current_commit()  # of the code that this process has loaded
     cells = {
         (world, method): _cell(settings, world, method, commit)
         for world in WORLDS
@@ -129,12 +129,6 @@ def _mean(metric: Mapping[str, Any] | None) -> str:
 
 def _all(values: Sequence[float | None]) -> str:
     return " ".join("—" if value is None else f"{value:.3f}" for value in values)
-
-
-def _commit() -> str:
-    command = ["git", "rev-parse", "--short", "HEAD"]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    return found.stdout.strip() or "unknown"
 
 
 if __name__ == "__main__":

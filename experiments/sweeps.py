@@ -25,7 +25,9 @@ from aircl_jax.plan import make_plan  # noqa: E402
 from aircl_jax.plots_style import DPI, STYLE  # noqa: E402
 from aircl_jax.sweeps import sweep  # noqa: E402
 from experiments.arguments import parse  # noqa: E402
-from experiments.cells import current_commit, keep, listed  # noqa: E402
+from experiments.cells import keep, listed  # noqa: E402
+from experiments.commits import current_commit  # noqa: E402
+from experiments.comparison import spread  # noqa: E402
 
 RESULTS, SEEDS = "results/sweeps", 10
 
@@ -164,14 +166,9 @@ def table(found: Mapping[str, Any]) -> list[str]:
     names = [name for name in plots_sweep.SHOWN if name in found["metrics"]]
     lines = [f"| {found['setting']} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for place, value in enumerate(found["values"]):
-        cells = [_cell(found["metrics"][name][place]) for name in names]
+        cells = [spread(found["metrics"][name][place], 3) for name in names]
         lines.append(f"| {value:g} | " + " | ".join(cells) + " |")
     return [*lines, ""]
-
-
-def _cell(values: Sequence[float | None]) -> str:
-    known = [value for value in values if value is not None]
-    return f"{np.mean(known):.3f} ± {np.std(known):.3f}" if known else "—"
 
 
 if __name__ == "__main__":

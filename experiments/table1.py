@@ -20,6 +20,7 @@ runtime.prepare()  # before anything imports jax
 from experiments import cells, claims_report, table1_report  # noqa: E402
 from experiments.arguments import parse  # noqa: E402
 from experiments.cells import COLUMNS, ROWS, Job  # noqa: E402
+from experiments.commits import current_commit  # noqa: E402
 
 SEEDS = 10
 RESULTS = Path("results")
@@ -98,7 +99,7 @@ def job_of(settings: Settings) -> Job:
 
 def make(job: Job, chosen: Sequence[tuple[str, str]], overwrite: bool) -> dict[tuple[str, str], str]:
     """Train the chosen cells that are missing; returns why which were refused."""
-    commit = cells.current_commit()  # of the code that this process has loaded
+    commit = current_commit()  # of the code that this process has loaded
     refused: dict[tuple[str, str], str] = {}
     with _compiling_fast(job.scale == "smoke"):
         for env, method in chosen:
@@ -134,7 +135,7 @@ def write(job: Job, refused: dict[tuple[str, str], str], command: str) -> None:
         for method in ROWS
         if (env, method) not in found
     }
-    study = cells.Study(job, found, missing, command, cells.current_commit())
+    study = cells.Study(job, found, missing, command, current_commit())
     job.out.mkdir(parents=True, exist_ok=True)
     for name, text in (
         ("table1.md", table1_report.markdown(study)),

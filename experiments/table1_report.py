@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from aircl_jax.report import statistics, versions
-from experiments.cells import COLUMNS, KNOWS_REWARD, ROWS, Cell, Study, changed_since, other_settings
+from experiments.cells import COLUMNS, KNOWS_REWARD, ROWS, Cell, Study, other_settings
+from experiments.commits import changed_since
 from experiments.comparison import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, interval
 from experiments.early import STILL, settled
 from experiments.paper import PAPER

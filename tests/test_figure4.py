@@ -10,8 +10,9 @@ from aircl_jax.preferences import Recovered
 from envs.meerkat import load
 from envs.options import MeerkatOptions
 from experiments import figure4_cells as cells
+from experiments import figure4_held_out
+from experiments.comparison import effect
 from experiments.figure4 import main
-from experiments.figure4_report import effect
 
 
 def test_an_effect_is_the_paired_difference_with_its_t_interval():
@@ -35,8 +36,8 @@ def study():
 
 def test_the_chain_of_the_training_recordings_is_smoothed_by_cross_validation(study):
     held_out = ["simulated_C2_00", "simulated_C3_00"]
-    smoothing, chain = cells.smoothed_chain(study, held_out)
-    assert smoothing in cells.SMOOTHINGS
+    smoothing, chain = figure4_held_out.smoothed_chain(study, held_out)
+    assert smoothing in figure4_held_out.SMOOTHINGS
     assert (chain > 0).all()
     windows = study.herd.windows
     fitted = windows.code[~np.isin(windows.recording, held_out)]
@@ -67,7 +68,7 @@ def test_what_was_recovered_is_read_back_from_a_cell_undefined_included():
     ("arguments", "words"),
     [
         (["colour=red"], "unknown setting colour; choose from data"),
-        (["methods=airl,gail", "data=simulated"], "unknown method 'gail' in methods; choose from all, airl"),
+        (["methods=airl,gail", "data=simulated"], "unknown method 'gail'; choose from airl, airl_centred"),
         (["tau_max=3"], "tau_max=3 is not one of 1, 5"),
         (["data=nowhere"], "env.data=nowhere: no such folder"),
     ],

@@ -8,7 +8,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from experiments import cells, claims, claims_report, early, run, table1, table1_report
+from experiments import cells, claims, claims_report, commits, early, run, table1, table1_report
 from experiments.cells import COLUMNS, ROWS, Job, Study
 from experiments.comparison import against_best, best_or_tied, differences, holm, interval, least_p, mean, paired_p
 from experiments.paper import PAPER
@@ -191,8 +191,8 @@ def test_a_cell_made_with_other_settings_or_code_is_named(job):
 
 
 def test_code_of_an_unknown_commit_cannot_be_compared():
-    assert cells.changed_since("0000000") is None
-    assert cells.changed_since("abc1234-dirty") is None
+    assert commits.changed_since("0000000") is None
+    assert commits.changed_since("abc1234-dirty") is None
 
 
 # The command
