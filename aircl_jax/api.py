@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Shaped
 
-from aircl_jax import demonstrations as files
 from aircl_jax import experts, report, runs
 from aircl_jax.alarms import alarms
 from aircl_jax.config import TrainConfig
@@ -46,7 +45,9 @@ class Result:
         return jax.tree.map(lambda leaf: leaf[index], self.states)
 
     def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"], index: int = 0) -> Float[Array, ""]:
-        """The learned f_θ(s, a)."""
+        """The learned f_θ(s, a). Raises ValueError where the method learns none."""
+        if not self.networks.method.learns_reward:
+            raise ValueError(f"method={self.plan.method_name} learns no reward; choose one that does")
         state = self.state(index)
         return self.networks.reward(state.params.reward, state.obs_stats, obs, action)
 
@@ -174,8 +175,7 @@ def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
     shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
     if any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations)):
         return shared, experts.demonstrations(plan.env, plan.seeds, plan.config)[1]
-    beside = Path(plan.source).with_name(f"{Path(plan.source).stem}_reference.npz")
-    return shared, files.load(beside, plan.env) if beside.is_file() else plan.own
+    return shared, plan.own if plan.reference is None else plan.reference
 
 
 def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) -> Callable[[TrainState], Row]:

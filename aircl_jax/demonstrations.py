@@ -55,13 +55,16 @@ def metadata(path: str | Path) -> dict[str, Any]:
 def _read_npz(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         raise ValueError("there is no such file; give an .npz with obs and action, a Minari folder, or minari:ID")
+    broken = "it is no whole .npz file; save it with numpy.savez(path, obs=…, action=…)"
+    if not zipfile.is_zipfile(path):
+        raise ValueError(broken)
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
     except (OSError, EOFError, ValueError, AttributeError, zipfile.BadZipFile) as error:
         if "pickle" in str(error):
             raise ValueError("it holds pickled objects, which are not loaded; save plain arrays as .npz") from error
-        raise ValueError("it is no whole .npz file; save it with numpy.savez(path, obs=…, action=…)") from error
+        raise ValueError(broken) from error
 
 
 def _read_minari(source: str, horizon: int) -> dict[str, np.ndarray]:

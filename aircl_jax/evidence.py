@@ -11,7 +11,6 @@ from jaxtyping import Array, Bool, Float
 from aircl_jax.api import Result
 from aircl_jax.experts import occupancy, soft_value_iteration
 from aircl_jax.feasibility import log_step_feasibility
-from aircl_jax.methods import Method
 from aircl_jax.networks import Networks
 from aircl_jax.rollout import rollouts
 from aircl_jax.sampler import SAMPLERS, take
@@ -40,10 +39,6 @@ class GridEvidence(NamedTuple):
     step_delta: Float[np.ndarray, "S C A"]
     occupancy: Float[np.ndarray, "S C"]
     expert_occupancy: Float[np.ndarray, " C"]
-
-
-def learns_reward(method: Method) -> bool:
-    return method.reward == "learned" and method.judge != "none"
 
 
 def gather(result: Result) -> Evidence:

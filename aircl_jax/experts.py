@@ -104,7 +104,11 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
         return draw(keys), tabular_reference(env, expert)
     if env.demonstrations is None:
         raise ValueError(f"env={env.name} ships no demonstrations of these settings; give some with demonstrations=FILE")
-    expert = _first(load_shipped(env.demonstrations, env), config.num_demonstrations)
+    shipped = load_shipped(env.demonstrations, env)
+    if config.num_demonstrations > len(shipped.mask):
+        asked = f"train.num_demonstrations={config.num_demonstrations}"
+        raise ValueError(f"{asked}: env={env.name} ships {len(shipped.mask)}; choose at most that")
+    expert = _first(shipped, config.num_demonstrations)
     return _for_all(expert, len(seeds)), load_shipped(f"{env.demonstrations}_reference", env)
 
 

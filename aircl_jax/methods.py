@@ -25,6 +25,10 @@ class Method:
     def needs_true_reward(self) -> bool:
         return self.reward == "true"
 
+    @property
+    def learns_reward(self) -> bool:
+        return self.reward == "learned" and self.learner == "ppo"
+
 
 _AIRCL = Method(
     reward="learned",

@@ -11,10 +11,10 @@ from aircl_jax.networks import Networks
 from aircl_jax.rollout import rollouts
 from aircl_jax.sampler import SAMPLERS, effective_sample_size, take
 from aircl_jax.types import Metrics, ObsStats, Params, Scores, TrainState, Trajectory
+from envs import Env
 
 TV_BINS = 16  # per coordinate of s̃, between −4 and 4, for the occupancies of worlds that are not tabular
 GOAL_TOLERANCE = 1e-3
-RETURNS = ("return", "return_sampled")  # undefined where no reward is known, also for a row that assumes r = 0
 
 
 def violation_rate(trajectories: Trajectory) -> Float[Array, ""]:
@@ -64,16 +64,17 @@ def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Arra
 
 
 def step_metrics(
-    sampled: Trajectory, policy: Trajectory, log_delta: Float[Array, " P"], expert_log_delta: Float[Array, " N"]
+    env: Env, sampled: Trajectory, policy: Trajectory, log_delta: Float[Array, " P"], expert_log_delta: Float[Array, " N"]
 ) -> Metrics:
     """The measures of one iteration's batches, before its update; of D_E, δ̄ as the adversary has left it."""
+    known = 1.0 if env.has_reward else jnp.nan  # also for a row that assumes r = 0
     return {
         "violation_rate": violation_rate(sampled),
         "violation_rate_policy": violation_rate(policy),
         "infeasible_share": infeasible(sampled).mean(),
         "infeasible_share_policy": infeasible(policy).mean(),
-        "return": undiscounted_return(policy),
-        "return_sampled": undiscounted_return(sampled),
+        "return": known * undiscounted_return(policy),
+        "return_sampled": known * undiscounted_return(sampled),
         "effective_sample_size": effective_sample_size(log_delta),
         "feasibility_expert": jnp.exp(expert_log_delta).mean(),
         "feasibility_policy": jnp.exp(log_delta).mean(),
@@ -99,14 +100,13 @@ def evaluate(nets: Networks, state: TrainState, expert: Trajectory, reference: T
     expert_scores = _scores(nets, params, stats, expert)
     expert_log_delta = log_feasibility(nets.method, config.coefficients, expert_scores)
     return {
-        **step_metrics(sampled, policy, log_delta, expert_log_delta),
-        **({} if env.has_reward else dict.fromkeys(RETURNS, jnp.full((), jnp.nan))),
+        **step_metrics(env, sampled, policy, log_delta, expert_log_delta),
         **_accuracies(nets, expert_scores, sampled_scores),
         **_feasibility_metrics(nets, params, stats, reference),
         **_reward_metrics(nets, params, stats, policy, policy_scores),
         "violation_rate_expert": violation_rate(expert),
         "expert_return": undiscounted_return(expert),
-        "feasible_return": feasible_return(policy),
+        "feasible_return": feasible_return(policy) if env.has_reward else jnp.full((), jnp.nan),
         "goal_rate": goal_rate(policy, env.success_return),
         "expert_goal_rate": goal_rate(expert, env.success_return),
         "occupancy_tv": occupancy_tv(nets, stats, expert, policy),
@@ -170,7 +170,7 @@ def _feasibility_metrics(nets: Networks, params: Params, stats: ObsStats, refere
 def _reward_metrics(nets: Networks, params: Params, stats: ObsStats, policy: Trajectory, scores: Scores) -> Metrics:
     """Is f the true reward on feasible steps, and how much of the constraint hides in it (tabular worlds)."""
     undefined = jnp.full((), jnp.nan)
-    if nets.method.needs_true_reward or nets.method.learner == "cloning":
+    if not nets.method.learns_reward:
         return {"reward_correlation": undefined, "violation_reward_only": undefined}
     feasible = policy.mask * (1.0 - policy.cost)
     found = correlation(scores.f, policy.reward, feasible) if nets.env.has_reward else undefined
@@ -178,7 +178,7 @@ def _reward_metrics(nets: Networks, params: Params, stats: ObsStats, policy: Tra
 
 
 def _violation_reward_only(nets: Networks, params: Params, stats: ObsStats) -> Float[Array, ""]:
-    """Violation rate of the exact soft-optimal policy of f alone."""
+    """Violation rate of the exact soft-optimal policy of f alone, undiscounted, at the entropy's own β."""
     table = nets.env.tabular
     if table is None:
         return jnp.full((), jnp.nan)
@@ -186,7 +186,7 @@ def _violation_reward_only(nets: Networks, params: Params, stats: ObsStats) -> F
     reward = jax.vmap(jax.vmap(nets.reward, (None, None, None, 0)), (None, None, 0, None))(
         params.reward, stats, table.obs, actions
     )
-    planned = soft_value_iteration(table, reward, nets.env.horizon, 1.0, forbid=False)
+    planned = soft_value_iteration(table, reward, nets.env.horizon, nets.entropy_weight, forbid=False)
     return (occupancy(table, planned.log_policy) @ table.cost).mean()
 
 

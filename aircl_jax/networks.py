@@ -61,6 +61,11 @@ class Networks:
         return "state_action" if self.method.test == "sigmoid" else self.env.constraint_input
 
     @property
+    def entropy_weight(self) -> float:
+        """β of the entropy that π is paid for; the paper's rows with a learned f take 1."""
+        return self.config.temperature if self.method.needs_true_reward or self.method.judge == "centred" else 1.0
+
+    @property
     def feasibility_sees_state(self) -> bool:
         return self.constraint_input in ("state", "state_action")
 

@@ -2,30 +2,32 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from aircl_jax import demonstrations as files
+from aircl_jax.checks import check_config
 from aircl_jax.config import TrainConfig, default_config
+from aircl_jax.experts import REFERENCE_SEED
 from aircl_jax.methods import Method, get_method
-from aircl_jax.settings import plain, updated
+from aircl_jax.settings import at_least, plain, updated
 from aircl_jax.types import Trajectory
 from envs import ENVS, Env, make_env
-
-SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
-COUNTS_FROM_ZERO = ("warm_start", "waiting", "annealing")
-POSITIVE = ("sharpness", "threshold", "ratio_clip")  # numbers of which 0 is none
-BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max", "cost_budget")  # numbers of either sign
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A checked run: `own` holds the user's demonstrations, None where the environment's own are used."""
+    """A checked run.
+
+    `own` holds the user's demonstrations, `reference` what lies beside their file to score by; None where the
+    environment's own are used, and where nothing lies there. Without a name no run can be loaded: `named` is False.
+    """
 
     env: Env
+    named: bool
     env_settings: Mapping[str, Any]
     method_name: str
     method: Method
@@ -34,19 +36,21 @@ class Plan:
     config: TrainConfig
     source: str
     own: Trajectory | None
+    reference: Trajectory | None
+    digest: str  # of recorded or own demonstrations, and of the reference set beside the latter; else empty
 
     @property
     def settings(self) -> dict[str, Any]:
         """As config.yaml holds them, and as a resumed run must repeat them."""
         config = plain(asdict(self.config))
         return {
-            "env": {"name": self.env.name, **plain(self.env_settings)},
+            "env": {"name": self.env.name, **plain(self.env_settings)} if self.named else {"name": self.env.name, "own": True},
             "method": self.method_name,
             "contrast_prior": self.contrast_prior,
             "seeds": len(self.seeds),
             "first_seed": self.seeds[0],
             "iterations": config.pop("iterations"),
-            "demonstrations": {"source": self.source, "sha256": _digest(self.own)} if self.own else "default",
+            "demonstrations": {"source": self.source, "sha256": self.digest} if self.digest else self.source,
             "train": config,
         }
 
@@ -70,22 +74,28 @@ def make_plan(
     config: TrainConfig | Mapping[str, Any],
 ) -> Plan:
     """Resolve names, defaults and files. Raises ValueError, in one line, for whatever does not fit."""
+    if isinstance(env, Env) and env_settings:
+        raise ValueError(
+            f"env_settings are given beside the Env {env.name}, which has its own; choose make_env(name, **settings)"
+        )
     world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
-    name = env.name if isinstance(env, Env) else env
     row = get_method(method, contrast_prior)
     if not isinstance(config, TrainConfig):
-        config = updated(default_config(name, row.settings), config, "train")
+        config = updated(default_config(world.name, row.settings), config, "train")
     if iterations != "default":
-        config = replace(config, iterations=_at_least("iterations", iterations, 1))
-    _check_config(config, "train")
-    count, first = _at_least("seeds", seeds, 1), _at_least("first_seed", first_seed, 0)
-    own = None if demonstrations == "default" else files.load(demonstrations, world)
+        config = replace(config, iterations=at_least("iterations", iterations, 1))
+    check_config(config, "train")
+    count, first = at_least("seeds", seeds, 1), at_least("first_seed", first_seed, 0)
+    if first + count > REFERENCE_SEED:
+        raise ValueError(f"first_seed={first}, seeds={count}: a seed is too great; choose seeds below {REFERENCE_SEED}")
+    own, reference = _given(demonstrations, world)
     unknown = not world.has_reward if own is None else np.isnan(own.reward).any()
     if row.needs_true_reward and "contrast" in row.terms and unknown:
-        whose = f"env={name}" if own is None else f"demonstrations={demonstrations}"
+        whose = f"env={world.name}" if own is None else f"demonstrations={demonstrations}"
         raise ValueError(f"{whose}: reward is missing, which the contrast prior of {method} compares")
     return Plan(
         env=world,
+        named=not isinstance(env, Env),
         env_settings=options,
         method_name=method,
         method=row,
@@ -94,12 +104,18 @@ def make_plan(
         config=config,
         source=str(demonstrations),
         own=own,
+        reference=reference,
+        digest=_digest(*_read_for(world, own, reference)),
     )
 
 
 def planned(settings: Mapping[str, Any]) -> Plan:
     """The plan whose `settings` these are. Raises ValueError where a world or a file of then is not known now."""
     env, demonstrations = dict(settings["env"]), settings["demonstrations"]
+    if "own" in env:
+        raise ValueError(
+            f"env={env['name']} was given as an Env, which a run does not keep; choose a run on a named environment"
+        )
     plan = make_plan(
         env.pop("name"),
         settings["method"],
@@ -109,7 +125,7 @@ def planned(settings: Mapping[str, Any]) -> Plan:
         **{name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")},
     )
     if plan.settings["demonstrations"] != demonstrations:
-        raise ValueError(f"demonstrations={plan.source} is not the file that the run had: its content has changed")
+        raise ValueError(f"demonstrations={plan.source} is not what the run had: the content has changed")
     return plan
 
 
@@ -121,33 +137,25 @@ def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, A
     return make_env(name, **values), values
 
 
-def _at_least(name: str, value: Any, smallest: int) -> int:
-    if type(value) is not int or value < smallest:
-        raise ValueError(f"{name}={value} is not an integer of at least {smallest}")
-    return value
+def _given(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Trajectory | None]:
+    """One's own D_E, and the reference set beside it, NAME_reference.npz, where the world knows none itself."""
+    if demonstrations == "default":
+        return None, None
+    beside = Path(demonstrations).with_name(f"{Path(demonstrations).stem}_reference.npz")
+    scored = not any((env.tabular, env.recorded, env.demonstrations)) and beside.is_file()
+    return files.load(demonstrations, env), files.load(beside, env) if scored else None
 
 
-def _check_config(config: Any, prefix: str) -> None:
-    """Counts are positive, rates are not negative, shares are at most 1, networks have a layer."""
-    for field in fields(config):
-        name, value = f"{prefix}.{field.name}", getattr(config, field.name)
-        if is_dataclass(value):
-            _check_config(value, name)
-        elif isinstance(value, (int, tuple)) and not isinstance(value, bool):
-            if value == ():
-                raise ValueError(f"{name} names no layer; give the width of at least one")
-            for part in value if isinstance(value, tuple) else (value,):
-                _at_least(name, part, 0 if field.name in COUNTS_FROM_ZERO else 1)
-        elif isinstance(value, float) and value < 0 and field.name not in BOUNDLESS:
-            raise ValueError(f"{name}={value} is negative; choose a number of at least 0")
-        elif value == 0 and field.name in POSITIVE:
-            raise ValueError(f"{name}={value} is not above 0; choose a positive number")
-        elif isinstance(value, float) and value > 1 and field.name in SHARES:
-            raise ValueError(f"{name}={value} is more than 1; choose a number from 0 to 1")
+def _read_for(env: Env, own: Trajectory | None, reference: Trajectory | None) -> list[Trajectory]:
+    """What is read from files of the user, whose content a resumed run must find again."""
+    if own is not None:
+        return [own] if reference is None else [own, reference]
+    return [] if env.recorded is None else [files.from_arrays(env.recorded.demonstrations(), env)]
 
 
-def _digest(trajectories: Trajectory) -> str:
+def _digest(*sets: Trajectory) -> str:
     digest = hashlib.sha256()
-    for leaf in trajectories:
-        digest.update(np.ascontiguousarray(leaf).tobytes())
-    return digest.hexdigest()
+    for trajectories in sets:
+        for leaf in trajectories:
+            digest.update(np.ascontiguousarray(leaf).tobytes())
+    return digest.hexdigest() if sets else ""

@@ -1,5 +1,6 @@
 """What an additive δ₁ has learned, a curve for each coordinate: of which of them the constraint speaks, and from where on."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -32,18 +33,19 @@ def by_coordinate(result: Result, policy: Trajectory) -> Drawing:
     Use within `matplotlib.rc_context(STYLE)`.
     """
     limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
-    nets, space = result.networks, result.plan.env.action_space
+    nets, env = result.networks, result.plan.env
+    space = env.action_space
     kept = np.asarray(result.expert.mask[0]) > 0
     obs, action = np.asarray(result.expert.obs[0])[kept], np.asarray(result.expert.action[0])[kept]
-    seen, names, low, high = obs[:, :0], [], np.empty(0), np.empty(0)
+    seen, names, low, high = obs[:, :0], (), np.empty(0), np.empty(0)
     if nets.feasibility_sees_state:
-        seen, names = obs, [f"coordinate {index}" for index in range(obs.shape[1])]
+        seen, names = obs, env.coordinate_names
         low, high = np.quantile(
             np.concatenate([obs, np.asarray(policy.obs).reshape(-1, obs.shape[1])]), [SHARE, 1 - SHARE], axis=0
         )
     if nets.feasibility_sees_action and isinstance(space, Box):
         seen = np.concatenate([seen, np.clip(action, space.low, space.high)], axis=1)
-        names += [f"action {index}" for index in range(space.size)]
+        names += env.motor_names
         low, high = (np.append(end, [bound] * space.size) for end, bound in ((low, space.low), (high, space.high)))
     grid = np.linspace(low, high, POINTS)  # [POINTS, I]
     curves = np.array(jax.vmap(lambda state: curves_of(result.networks, state, jnp.asarray(grid)))(result.states))
@@ -70,7 +72,7 @@ def curves_of(nets: Networks, state: TrainState, points: Float[Array, "K I"]) ->
 
 def _drawing(
     result: Result,
-    names: list[str],
+    names: Sequence[str],
     grid: Float[np.ndarray, "K I"],
     curves: Float[np.ndarray, "S K I"],
     seen: Float[np.ndarray, "N I"],
@@ -90,7 +92,7 @@ def _drawing(
         axis.fill_between(edges[:-1], LEAST, heights, step="post", color=GREY, alpha=0.3, lw=0)
         axis.plot(across, np.maximum(curves[:, :, index], LEAST).T, color=GREEN, lw=0.5, alpha=0.5)
         axis.plot(across, np.maximum(curves[:, :, index].mean(axis=0), LEAST), color=BLUE, lw=1.3)
-        for value in _limits(limit, index, name):
+        for value in _limits(limit, index, name in result.plan.env.motor_names):
             axis.axvline(value, color=ORANGE, ls=(0, (4, 2)), lw=1.0)
         axis.set(xlabel=name, ylim=(LEAST, top), xlim=(across[0], across[-1]))
     figure.supylabel("log ratio, expert : policy", fontsize=7)
@@ -103,8 +105,8 @@ def _drawing(
     return Drawing("constraint_by_coordinate", figure, caption)
 
 
-def _limits(limit: Limit | None, index: int, name: str) -> tuple[float, ...]:
+def _limits(limit: Limit | None, index: int, is_motor: bool) -> tuple[float, ...]:
     if limit is None:
         return ()
-    of_actions = limit.across == "actions" and name.startswith("action")
-    return limit.values if of_actions or (limit.across == "observations" and index == 0) else ()
+    drawn = is_motor if limit.across == "actions" else index == 0
+    return limit.values if drawn else ()

@@ -39,7 +39,7 @@ class Map(NamedTuple):
 
 def draw(result: Result, layout: Layout, table: Tabular, found: Evidence) -> Iterator[Drawing]:
     maps = evidence.gather_grid(result, table)
-    if evidence.learns_reward(result.plan.method):
+    if result.plan.method.learns_reward:
         yield reward_maps(result, layout, table, maps)
     if result.plan.method.feasibility != "none":
         yield feasibility_maps(result, layout, table, maps, found)
@@ -65,7 +65,8 @@ def reward_maps(result: Result, layout: Layout, table: Tabular, maps: GridEviden
         f"True reward beside the learned one, {over_seeds(result)}, the mean over seeds; each cell's four triangles are "
         "its moves up, right, down and left. f is identified up to a constant and potential shaping: both maps are "
         "centred, the shaping stays. Hatched: cells that neither the expert nor the policy visits. "
-        f"Correlation over the others: {correlation:.2f}."
+        f"Correlation of the two maps over all moves from the others: {correlation:.2f}; of f and the true reward over the "
+        f"feasible steps that a seed's own policy takes (reward_correlation): {final(result, 'reward_correlation')}."
     )
     return Drawing("reward", figure, caption)
 

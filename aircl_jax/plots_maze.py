@@ -14,6 +14,8 @@ from aircl_jax.plots_style import BLACK, GREY, Drawing
 from aircl_jax.preferences import Recovered, rank_agreement
 from envs import Maze
 
+LABEL_AT = {"home": (-30, -22)}  # points from its node to a label; the maze is open there
+
 
 def draw(recovered: Recovered, maze: Maze, title: str) -> Iterator[Drawing]:
     """The maze coloured by reward, by visits and, where steps are judged, by feasibility."""
@@ -82,7 +84,7 @@ def _nodes(axis: Axes, maze: Maze, values: Float[np.ndarray, " X"], colours: str
         axis.annotate(
             name,
             maze.position[node],
-            xytext=(8, 8),
+            xytext=LABEL_AT.get(name, (8, 8)),
             textcoords="offset points",
             fontsize=6.5,
             weight="bold",

@@ -35,9 +35,9 @@ def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
     if isinstance(space, Box):
         clipped = [np.clip(actions, space.low, space.high) for actions in (expert.action, policy.action)]
         drawn = limit.values if limit and limit.across == "actions" else ()
-        names = [f"action {index}" for index in range(space.size)]
+        names = result.plan.env.motor_names
         yield _drawing(result, "actions", clipped, names, dict.fromkeys(names, drawn), (space.low, space.high))
-    names = [f"coordinate {index}" for index in range(result.plan.env.obs_size)]
+    names = result.plan.env.coordinate_names
     drawn = limit.values if limit and limit.across == "observations" else ()
     yield _drawing(result, "observations", [expert.obs, policy.obs], names, {names[0]: drawn}, None)
 

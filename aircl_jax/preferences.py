@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.stats import rankdata
 
 from aircl_jax.api import Result
-from aircl_jax.evidence import ONCE, gather_grid, learns_reward
+from aircl_jax.evidence import ONCE, gather_grid
 from aircl_jax.networks import Networks
 from aircl_jax.types import TrainState
 from envs import Codes, Tabular
@@ -42,7 +42,7 @@ def recover(result: Result, table: Tabular) -> Recovered:
     centre = np.average(found.reward, axis=(1, 2), weights=np.broadcast_to(seen, found.reward.shape))
     unknown = np.full_like(found.reward, np.nan)
     return Recovered(
-        reward=found.reward - centre[:, None, None] if learns_reward(method) else unknown,
+        reward=found.reward - centre[:, None, None] if method.learns_reward else unknown,
         delta=found.step_delta if "step" in method.feasibility else unknown,
         log_policy=np.asarray(log_policy),
         seen=seen,

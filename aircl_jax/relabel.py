@@ -27,8 +27,7 @@ def policy_reward(
         reward = reward - mean_over_steps(expert_f, expert.mask).mean()
     if method.constrained_policy:
         reward = reward + jnp.maximum(log_step_feasibility(method, coefficients, scores), SIGMOID_FLOOR)
-    temperature = nets.config.temperature if method.needs_true_reward or method.judge == "centred" else 1.0
-    reward = (reward - temperature * policy.log_prob) * policy.mask
+    reward = (reward - nets.entropy_weight * policy.log_prob) * policy.mask
 
     if not (method.constrained_policy and "sequence" in method.feasibility):
         return reward, jnp.zeros(reward.shape[0])

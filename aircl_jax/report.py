@@ -60,7 +60,7 @@ def summarise(plan: Plan, final: Mapping[str, np.ndarray], timing: Sequence[Mapp
     steady = [line for line in timing if not line["first"]]
     seconds = sum(line["seconds"] - line["compile_s"] for line in steady)
     return {
-        "env": plan.env.name,
+        "env": plan.env.title,
         "method": plan.method_name,
         "seeds": list(plan.seeds),
         "iterations": plan.config.iterations,

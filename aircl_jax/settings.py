@@ -100,3 +100,10 @@ def _shown(value: Any) -> str:
     """As one would type it on the command line."""
     written = {"True": "true", "False": "false", "None": "null"}
     return written.get(str(value), str(plain(value)))
+
+
+def at_least(name: str, value: Any, smallest: int) -> int:
+    """The value, which is an integer of at least that. Raises ValueError where it is not."""
+    if type(value) is not int or value < smallest:
+        raise ValueError(f"{name}={value} is not an integer of at least {smallest}")
+    return value

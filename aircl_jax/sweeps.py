@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax import experts
-from aircl_jax.config import Coefficients, TrainConfig
+from aircl_jax.checks import check_config
+from aircl_jax.config import Coefficients, Scalar, TrainConfig
 from aircl_jax.metrics import evaluate
 from aircl_jax.networks import make_networks
 from aircl_jax.plan import Plan
@@ -35,6 +36,8 @@ def sweep(plan: Plan, coefficient: str, values: Sequence[float]) -> dict[str, Fl
         raise ValueError("values is empty; give at least one")
     if plan.own is not None:
         raise ValueError(f"demonstrations={plan.source}: a sweep runs on the environment's own; choose default")
+    for value in values:
+        check_config(_with_value(plan.config, coefficient, value).coefficients, "train.coefficients")
     expert, reference = experts.demonstrations(plan.env, plan.seeds, plan.config)
     lanes = jax.tree.map(lambda leaf: jnp.concatenate([leaf] * len(values)), expert)
     given = (lanes, jnp.repeat(jnp.asarray(values, jnp.float32), len(plan.seeds)))
@@ -49,7 +52,7 @@ def sweep(plan: Plan, coefficient: str, values: Sequence[float]) -> dict[str, Fl
     return {name: np.asarray(metric).reshape(len(values), len(plan.seeds)) for name, metric in found.items()}
 
 
-def _with_value(config: TrainConfig, coefficient: str, value: Float[Array, ""]) -> TrainConfig:
+def _with_value(config: TrainConfig, coefficient: str, value: Scalar) -> TrainConfig:
     changed: Any = {coefficient: value}
     return replace(config, coefficients=replace(config.coefficients, **changed))
 

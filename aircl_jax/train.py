@@ -83,7 +83,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
                 now, params, state.ppo_opt, stats, policy, reward, credit, key_policy, now.config.ppo
             )
-        metrics = step_metrics(sampled, policy, log_delta, expert_log_delta)
+        metrics = step_metrics(env, sampled, policy, log_delta, expert_log_delta)
         state = state._replace(
             params=params,
             ppo_opt=ppo_opt,

@@ -123,6 +123,7 @@ class Env:
     reward_view: Callable[[Float[Array, " O"]], Float[Array, " R"]] = _identity  # the smooth coordinates that f may see
     reward_view_size: int = 0  # R; 0 stands for obs_size
     constraint_input: Literal["state", "action", "state_action"] = "state"  # what a constraint of this kind of task speaks of
+    simulated: bool = False  # stands in for recordings of animals
     has_reward: bool = True  # False for animals: there is no true reward to read, and `step` gives NaN
     tabular: Tabular | None = None  # the world as tables, where it is finite
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
@@ -132,6 +133,21 @@ class Env:
     layout: Layout | None = None  # how to draw a world whose observations are the cells of a grid
     codes: Codes | None = None  # what the codes of a world of codes are called
     maze: Maze | None = None  # how to draw a world whose observations are the nodes of a maze
+    coordinates: tuple[str, ...] = ()  # what figures call those of an observation; by number where there are none
+    motors: tuple[str, ...] = ()  # what figures call the components of a Box's action; likewise
+
+    @property
+    def title(self) -> str:
+        """What reports and figures call the world."""
+        return f"{self.name} (simulated)" if self.simulated else self.name
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        return self.coordinates or tuple(f"coordinate {index}" for index in range(self.obs_size))
+
+    @property
+    def motor_names(self) -> tuple[str, ...]:
+        return self.motors or tuple(f"action {index}" for index in range(self.action_space.feature_size))
 
     @property
     def enumerated(self) -> bool:

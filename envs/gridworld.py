@@ -11,7 +11,6 @@ from envs.base import Discrete, Env, Layout, Step, Tabular
 from envs.options import GridOptions, NonMarkovOptions
 
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])  # up, right, down, left
-ACTION_NAMES = ("up", "right", "down", "left")
 
 Cell = tuple[int, int]
 

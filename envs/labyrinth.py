@@ -164,12 +164,13 @@ def make_labyrinth(options: LabyrinthOptions) -> Env:
         return after, Step(table.obs[after], table.reward[state, action], table.cost[state], jnp.zeros(()))
 
     return Env(
-        name="labyrinth (simulated)" if mice.simulated else "labyrinth",
+        name="labyrinth",
         horizon=options.horizon,
         obs_size=NUM_NODES,
         action_space=Discrete(NUM_ACTIONS),
         reset=reset,
         step=step,
+        simulated=mice.simulated,
         has_reward=mice.simulated,
         tabular=table,
         recorded=Recorded(

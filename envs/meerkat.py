@@ -78,7 +78,6 @@ def _impossible(windows: Windows, mapping: Mapping, options: MeerkatOptions) -> 
 def make_meerkat(options: MeerkatOptions) -> Env:
     """The world of the windows; the simulated mob alone has a true reward and cost. ValueError as from `load`."""
     herd = load(options)
-    name = "meerkat (simulated)" if data_folder(options.data, "meerkat") is None else "meerkat"
     table = {"code": _code_table, "place": _place_table}[options.state](herd)
     step = _code_step(herd, table) if options.state == "code" else _table_step(table)
 
@@ -87,13 +86,14 @@ def make_meerkat(options: MeerkatOptions) -> Env:
         return state, table.obs[state]
 
     return Env(
-        name=name,
+        name="meerkat",
         horizon=options.horizon,
         obs_size=table.obs.shape[1],
         action_space=Discrete(len(herd.windows.names)),
         reset=reset,
         step=step,
         constraint_input="state_action",
+        simulated=data_folder(options.data, "meerkat") is None,
         has_reward=herd.truth is not None,
         tabular=table,
         recorded=Recorded(

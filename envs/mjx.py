@@ -80,7 +80,19 @@ def _make(name: str, options: RobotOptions) -> Env:
         step=step,
         constraint_input=constraint.of,
         demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
+        coordinates=_coordinates(model, task.observe(rest).size),
+        motors=tuple(f"motor {_spoken(model.actuator(index).name)}" for index in range(model.nu)),
     )
+
+
+def _coordinates(model: Any, number: int) -> tuple[str, ...]:
+    """Names of the joints that are observed, the last of them, and of all their velocities."""
+    joints = [_spoken(model.joint(index).name) for index in range(model.njnt)]
+    return (*joints[len(joints) - (number - model.nv) :], *(f"velocity of {name}" for name in joints))
+
+
+def _spoken(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _shipped(name: str) -> str | None:

@@ -219,12 +219,3 @@ def values(cell: Cell, metric: str) -> Values:
         return dict(zip(cell["seeds"], ratios, strict=True))
     found = cell["metrics"].get(metric, {}).get("per_seed", [None] * len(cell["seeds"]))
     return dict(zip(cell["seeds"], found, strict=True))
-
-
-def listed(name: str, given: str, known: Sequence[str]) -> tuple[str, ...]:
-    """A comma list of names, or all of them. Raises ValueError for an unknown one."""
-    chosen = known if given == "all" else [word.strip() for word in given.split(",")]
-    for word in chosen:
-        if word not in known:
-            raise ValueError(f"unknown {name} {word!r}; choose from {', '.join(known)}, or all")
-    return tuple(word for word in known if word in chosen)

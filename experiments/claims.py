@@ -84,12 +84,16 @@ CLAIMS = (
 )
 
 TARGETS = {"gridworld": 0.005, "swimmer": 0.05, "walker": 0.05, "pendulum": 0.02}  # of the violation rate of q
+TARGETS_POLICY = TARGETS | {"pendulum": 0.05}  # of that of π
 LEAST_OF_THE_PAPER = {env: min(row["violation_rate"][0] for row in PAPER[env].values()) for env in COLUMNS}
 OURS = (
     Claim(
-        "`aircl_corrected` stays below the project's limits on violations",
+        "`aircl_corrected` stays below the project's limits on violations, q and π",
         "ours",
-        (Bound("aircl_corrected", "violation_rate", TARGETS, True),),
+        (
+            Bound("aircl_corrected", "violation_rate", TARGETS, True),
+            Bound("aircl_corrected", "violation_rate_policy", TARGETS_POLICY, True),
+        ),
     ),
     Claim(
         "`aircl_corrected` violates less than any row of the paper's table",
@@ -104,6 +108,11 @@ OURS = (
             Bound("aircl_corrected", "feasibility_auroc", _everywhere(0.9), False),
             Bound("aircl_corrected", "feasibility_gap", _everywhere(0.5), False),
         ),
+    ),
+    Claim(
+        "`aircl_corrected` recovers the true reward, step by step",
+        "ours",
+        (Bound("aircl_corrected", "reward_correlation", _everywhere(0.7), False),),
     ),
     Claim(
         "The constraint adds something to centring alone",

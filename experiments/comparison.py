@@ -44,6 +44,11 @@ def spread(values: Sequence[float | None], digits: int = 4) -> str:
     return f"{array.mean():.{digits}f}" + (f" ± {array.std(ddof=1):.{digits}f}" if len(array) > 1 else "")
 
 
+def each(values: Iterable[float | None]) -> str:
+    """Every seed's value in words."""
+    return " ".join("—" if value is None else f"{value:.3f}" for value in values)
+
+
 def mean(values: Values) -> float | None:
     """Over seeds; None as soon as it is undefined for one."""
     defined = [value for value in values.values() if value is not None]

@@ -16,7 +16,7 @@ from hydra.core.hydra_config import HydraConfig  # noqa: E402
 from omegaconf import DictConfig, OmegaConf  # noqa: E402
 
 from aircl_jax.expert_config import EXPERTS, LagrangianConfig, expert_config  # noqa: E402
-from aircl_jax.settings import plain, updated  # noqa: E402
+from aircl_jax.settings import at_least, plain, updated  # noqa: E402
 from envs import ENVS, make_env  # noqa: E402
 from envs.options import RobotOptions  # noqa: E402
 from experiments import cli  # noqa: E402
@@ -82,12 +82,14 @@ def train(config: DictConfig, command: str) -> None:
     env_values, train_values = values.pop("env"), values.pop("train")
     settings = updated(ExpertSettings(), values)
     for field in ("seeds", "free_seeds", "episodes"):
-        if getattr(settings, field) < 1:
-            raise ValueError(f"{field}={getattr(settings, field)} is not at least 1")
+        at_least(field, getattr(settings, field), 1)
     options = asdict(updated(ENVS[name].options(), env_values, "env"))
     tuned = updated(expert_config(name, options["constraint"]), _given(train_values), "train")
     if settings.iterations != DEFAULT:
         tuned = updated(tuned, {"iterations": settings.iterations})
+    at_least("iterations", tuned.iterations, 1)
+    if options["constraint"] == "none":
+        raise ValueError("env.constraint=none: an expert is trained under a constraint, its reference set without; choose one")
 
     from aircl_jax.runs import existing, open_run
     from experiments.expert_run import Task, run

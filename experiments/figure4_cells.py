@@ -26,12 +26,13 @@ from aircl_jax.networks import Networks
 from aircl_jax.preferences import Recovered, recover
 from aircl_jax.rollout import rollouts
 from aircl_jax.sampler import SAMPLERS, take
+from aircl_jax.settings import at_least
 from aircl_jax.train import trajectory_feasibility
 from aircl_jax.types import TrainState, Trajectory
 from envs import Tabular
 from envs.meerkat import Herd, load
 from envs.options import MeerkatOptions
-from experiments.cells import listed
+from experiments.arguments import listed
 from experiments.commits import current_commit
 
 METHODS = ("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
@@ -59,6 +60,10 @@ class Settings:
     folds: int = 9  # of the leave-two-recordings-out, as many as there are; 0 for none
     scale: Literal["full", "smoke"] = "full"  # smoke: seconds, says nothing about results
     out: str = "default"  # results/figure4, or runs/figure4_smoke
+
+    def __post_init__(self) -> None:
+        at_least("seeds", self.seeds, 1)
+        at_least("folds", self.folds, 0)
 
     @property
     def options(self) -> MeerkatOptions:

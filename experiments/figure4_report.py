@@ -16,7 +16,8 @@ YARDSTICKS = {"halves": "two halves", "noise_floor": "noise floor", "markov_chai
 PRIOR = (("aircl", "aircl_no_prior"), ("aircl_corrected_prior", "aircl_corrected"), ("icrl_prior", "icrl"))  # with, without
 MAPS = """\
 The links V of the recordings (left colours), then |ΔV| of each method (windows of q, mean over seeds) and yardstick on one
-scale, with its mean; codes as in the table of `experiments.figure2`."""
+scale, with its mean (chain and chance: of one draw, where the table has the mean of ten); codes as in the table of
+`experiments.figure2`."""
 TARGET = 1.25  # times the noise floor
 
 

@@ -18,6 +18,7 @@ import numpy as np  # noqa: E402
 from jaxtyping import Array, Float  # noqa: E402
 from scipy.linalg import solve_discrete_are  # noqa: E402
 
+from aircl_jax.settings import at_least  # noqa: E402
 from envs import Env, make_env  # noqa: E402
 from envs.tasks import RobotState  # noqa: E402
 from experiments.arguments import parse  # noqa: E402
@@ -31,6 +32,11 @@ class Settings:
     noise: float = 0.001  # σ of the transition noise, m, rad, m/s, rad/s
     std: float = 0.05  # σ of the action's noise, as the shipped expert's
     episodes: int = 500
+
+    def __post_init__(self) -> None:
+        at_least("episodes", self.episodes, 1)
+        if not self.std >= 0:
+            raise ValueError(f"std={self.std} is not a number of at least 0")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

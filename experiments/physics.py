@@ -1,31 +1,47 @@
-"""`python -m experiments.physics`: setting → speed → deviation from C MuJoCo, the table of docs/physics.md."""
+"""`python -m experiments.physics`: setting → speed → deviation from C MuJoCo, the table of docs/physics.md.
 
-import argparse
+`bodies=walker` makes its rows alone; `mjx=true` adds the engine mjx, which compiles for minutes. Bad input: exit code 2.
+"""
+
 import importlib
+import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from aircl_jax import runtime
+from experiments.arguments import listed, parse
 
+BODIES = ("swimmer", "walker", "pendulum")
 ENVS_AT_ONCE, STEPS, REPEATS = 500, 100, 5
 OPEN_LOOP = 50  # control steps
 FINE = 10  # substeps of the reference per substep of the model
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bodies", nargs="*", default=["swimmer", "walker", "pendulum"])
-    parser.add_argument("--mjx", action="store_true", help="also the engine mjx, which compiles for minutes")
-    options = parser.parse_args()
+@dataclass(frozen=True)
+class Settings:
+    bodies: str = "all"  # or some of them, with commas between
+    mjx: bool = False  # also the engine mjx
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the table; 0 done, 2 bad input."""
+    try:
+        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
+        bodies = listed("body", settings.bodies, BODIES)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     cache = tempfile.TemporaryDirectory()  # empty, so that compiling is timed
     runtime.prepare(devices=2, cache=Path(cache.name))
     print("| body | engine | integrator | env steps/s, best (median) | compile s | |Δqpos| from fine RK4 after 50 steps |")
     print("|---|---|---|---|---|---|")
-    for name in options.bodies:
-        for engine in ("planar", "mjx") if options.mjx else ("planar",):
+    for name in bodies:
+        for engine in ("planar", "mjx") if settings.mjx else ("planar",):
             for integrator in ("euler", "rk4"):
                 best, median, compiling = speed(name, engine, integrator)
                 off = f"{deviation(name, engine, integrator):.1e}"
@@ -33,6 +49,7 @@ def main() -> None:
                     f"| {name} | {engine} | {integrator} | {best:,.0f} ({median:,.0f}) | {compiling:.0f} | {off} |",
                     flush=True,
                 )
+    return 0
 
 
 def speed(name: str, engine: str, integrator: str) -> tuple[float, float, float]:
@@ -103,4 +120,4 @@ def deviation(name: str, engine: str, integrator: str, episodes: int = 20) -> fl
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -16,8 +16,9 @@ from aircl_jax import runtime
 runtime.prepare()  # before anything imports jax
 
 from aircl_jax import METHODS, train  # noqa: E402
-from experiments.arguments import parse  # noqa: E402
+from experiments.arguments import SEEDS, parse, refuse_short_runs  # noqa: E402
 from experiments.commits import current_commit  # noqa: E402
+from experiments.comparison import each, spread  # noqa: E402
 
 # Five random obstacles each, drawn once: numpy.random.default_rng(1) and (2), cells other than start and goal, redrawn
 # until a clean path of ten steps is left.
@@ -32,6 +33,14 @@ WORLDS: dict[str, tuple[str, Mapping[str, Any]]] = {
 HEADING = (
     "`python -m experiments.recovery`; mean ± std over seeds, — where undefined. "
     "A cell names the commit of the code that trained it; delete its file to have it trained anew."
+)
+RESULTS = "results/recovery"
+UNDEFINED: Mapping[str, Any] = {"per_seed": []}
+LEGEND = (
+    "violation_rate: share of timesteps, of q; infeasible_share: share of trajectories with a violation, of q; both with "
+    "_policy of π. goal_rate: of π; feasibility_auroc and feasibility_gap: δ̄ on the reference set; feasibility_expert: mean "
+    "δ̄ of D_E; violation_reward_only: timesteps of the plan for f alone; reward_correlation: f and the true reward on π's "
+    "feasible steps; rc_acc: share of D_E with D > ½; balanced_acc: mean of that and of q's share with D < ½."
 )
 ELSEWHERE = ("aircl_corrected", "airl_centred", "aircl")  # the rows that are run on the other worlds too
 SHOWN = (
@@ -53,24 +62,28 @@ SHOWN = (
 
 @dataclass(frozen=True)
 class Settings:
-    seeds: int = 10
+    seeds: int = SEEDS
     iterations: int = 0  # 0: each row's own
-    out: str = "results/recovery"
+    out: str = RESULTS
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train the cells that are missing, then write the table; 0 done, 2 bad input."""
+    """Train the cells that are missing, then write the table; 0 done, 2 bad input, 130 interrupted."""
     try:
         settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
+        refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
+        commit = current_commit()  # of the code that this process has loaded
+        cells = {
+            (world, method): _cell(settings, world, method, commit)
+            for world in WORLDS
+            for method in (METHODS if world == "default" else ELSEWHERE)
+        }
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    commit = current_commit()  # of the code that this process has loaded
-    cells = {
-        (world, method): _cell(settings, world, method, commit)
-        for world in WORLDS
-        for method in (METHODS if world == "default" else ELSEWHERE)
-    }
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on with the cell that was cut", file=sys.stderr)
+        return 130
     written = Path(settings.out) / "table.md"
     written.write_text(table(cells))
     print(f"wrote {written}")
@@ -101,7 +114,7 @@ def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str,
 
 def table(cells: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
     """One Markdown table a world: mean ± standard deviation over seeds, and every seed of the two violation rates."""
-    lines = ["# Recovery on the grids", "", HEADING, ""]
+    lines = ["# Recovery on the grids", "", HEADING, "", LEGEND, ""]
     for world in WORLDS:
         rows = {method: cell for (name, method), cell in cells.items() if name == world}
         if not rows:
@@ -110,25 +123,15 @@ def table(cells: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
         lines += [f"## {world}", "", f"`{first['command'].replace('method=' + first['method'], 'method=…')}`", ""]
         lines += ["| method | commit | iterations | " + " | ".join(SHOWN) + " |", "|---" * (len(SHOWN) + 3) + "|"]
         for method, cell in rows.items():
-            shown = " | ".join(_mean(cell["metrics"].get(name)) for name in SHOWN)
+            shown = " | ".join(spread(cell["metrics"].get(name, UNDEFINED)["per_seed"], 3) for name in SHOWN)
             lines.append(f"| {method} | {cell['commit']} | {cell['iterations']} | {shown} |")
         lines += ["", "Every seed, violation rate of q and of π:", ""]
         for method, cell in rows.items():
             seeds = [cell["metrics"][name]["per_seed"] for name in ("violation_rate", "violation_rate_policy")]
-            lines.append(f"- {method}: q {_all(seeds[0])}; π {_all(seeds[1])}")
+            lines.append(f"- {method}: q {each(seeds[0])}; π {each(seeds[1])}")
         rung = [f"- {method}: {sentence}" for method, cell in rows.items() for sentence in cell["alarms"]]
         lines += ["", "Alarms:", "", *(rung or ["none"]), ""]
     return "\n".join(lines) + "\n"
-
-
-def _mean(metric: Mapping[str, Any] | None) -> str:
-    if metric is None or metric["mean"] is None:
-        return "—"
-    return f"{metric['mean']:.3f} ± {metric['std']:.3f}"
-
-
-def _all(values: Sequence[float | None]) -> str:
-    return " ".join("—" if value is None else f"{value:.3f}" for value in values)
 
 
 if __name__ == "__main__":

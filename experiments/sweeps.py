@@ -24,12 +24,12 @@ from aircl_jax import plots_sweep, train  # noqa: E402
 from aircl_jax.plan import make_plan  # noqa: E402
 from aircl_jax.plots_style import DPI, STYLE  # noqa: E402
 from aircl_jax.sweeps import sweep  # noqa: E402
-from experiments.arguments import parse  # noqa: E402
-from experiments.cells import keep, listed  # noqa: E402
+from experiments.arguments import SEEDS, listed, parse, refuse_short_runs  # noqa: E402
+from experiments.cells import keep  # noqa: E402
 from experiments.commits import current_commit  # noqa: E402
 from experiments.comparison import spread  # noqa: E402
 
-RESULTS, SEEDS = "results/sweeps", 10
+RESULTS = "results/sweeps"
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         settings = parse(words, Settings(), __doc__)
         chosen = listed("sweep", settings.sweep, tuple(SWEEPS))
-        own = settings.seeds == SEEDS and not settings.iterations
-        if not own and Path(settings.out).resolve() == Path(RESULTS).resolve():
-            raise ValueError(
-                f"seeds={settings.seeds} iterations={settings.iterations}: {RESULTS} has {SEEDS} seeds; choose out=DIR"
-            )
+        refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
         commit = current_commit()  # of the code that this process has loaded
         for name in chosen:
             path = Path(settings.out) / f"{name}.json"

@@ -18,7 +18,7 @@ from aircl_jax import runtime
 runtime.prepare()  # before anything imports jax
 
 from experiments import cells, claims_report, table1_report  # noqa: E402
-from experiments.arguments import parse  # noqa: E402
+from experiments.arguments import listed, parse  # noqa: E402
 from experiments.cells import COLUMNS, ROWS, Job  # noqa: E402
 from experiments.commits import current_commit  # noqa: E402
 
@@ -71,8 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def chosen_cells(settings: Settings) -> list[tuple[str, str]]:
     """The environments and methods asked for; a smoke test of all leaves most robot cells out."""
-    envs = cells.listed("env", settings.env, COLUMNS)
-    methods = cells.listed("method", settings.method, ROWS)
+    envs = listed("env", settings.env, COLUMNS)
+    methods = listed("method", settings.method, ROWS)
     few = SMOKE_ON_ROBOTS if settings.scale == "smoke" and settings.method == "all" else methods
     return [(env, method) for env in envs for method in (methods if env == "gridworld" else few)]
 

@@ -9,7 +9,7 @@ import numpy as np
 from aircl_jax.report import statistics, versions
 from experiments.cells import COLUMNS, KNOWS_REWARD, ROWS, Cell, Study, other_settings
 from experiments.commits import changed_since
-from experiments.comparison import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, interval
+from experiments.comparison import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, each, interval
 from experiments.early import STILL, settled
 from experiments.paper import PAPER
 
@@ -231,15 +231,11 @@ def _every_seed(study: Study) -> list[str]:
             cell = study.cells.get((env, method))
             if cell:
                 kinds = (("RCAcc", "rc_acc"), ("q", "violation_rate"), ("π", "violation_rate_policy"))
-                seeds = [f"{word} {_all(cell['metrics'][metric]['per_seed'])}" for word, metric in kinds]
+                seeds = [f"{word} {each(cell['metrics'][metric]['per_seed'])}" for word, metric in kinds]
                 lines.append(f"- {method}: {'; '.join(seeds)}")
         if lines:
             parts += [f"{env}: RCAcc, violation rates of q and of π", "\n".join(lines)]
     return parts
-
-
-def _all(values: Sequence[float | None]) -> str:
-    return " ".join("—" if value is None else f"{value:.3f}" for value in values)
 
 
 def _alarms(study: Study) -> list[str]:

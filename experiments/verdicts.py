@@ -137,8 +137,9 @@ class Harder(NamedTuple):
         both = [(mean(here[method]), mean(there[method])) for method in here if method in there]
         pairs = [(one, other) for one, other in both if one is not None and other is not None]
         what = f"violation_rate higher than on {self.than}"
-        if not pairs:
-            return [Finding(self.env, what, "—", "cannot be told", "cells missing")]
+        absent = missing(study, self.env, METHODS_OF_THE_PAPER) or missing(study, self.than, METHODS_OF_THE_PAPER)
+        if absent or not pairs:
+            return [Finding(self.env, what, "—", "cannot be told", absent or "undefined")]
         worse, rows = sum(one > other for one, other in pairs), len(pairs)
         verdict: Verdict = "holds" if worse == rows else "does not hold" if 2 * worse <= rows else "cannot be told"
         return [told(Finding(self.env, what, f"{worse} of {rows} rows", verdict), min(map(len, here.values())))]

@@ -63,6 +63,11 @@ def refused(arguments: str, capsys) -> str:
         ("train.coefficients.sharpness=0", "train.coefficients.sharpness=0.0 is not above 0"),
         ("train.coefficients.false_alarms=2", "train.coefficients.false_alarms=2.0 is more than 1"),
         ("train.ppo.learning_rate=-1", "train.ppo.learning_rate=-1.0 is negative"),
+        ("train.ppo.learning_rate=nan", "train.ppo.learning_rate=nan is not a number"),
+        ("train.ppo.log_std_min=1", "train.ppo.log_std_init=-0.7 is not between log_std_min=1.0 and log_std_max=0.0"),
+        ("train.waiting=9 train.annealing=9", "train.waiting=9 is not less than annealing=9"),
+        ("first_seed=4294967296", "choose seeds below 2147483646"),
+        ("env=swimmer train.num_demonstrations=51", "train.num_demonstrations=51: env=swimmer ships 50"),
         ("contrast_prior=maybe", "contrast_prior=maybe is not one of method, on, off"),
         ("method=airl contrast_prior=on", "airl has no feasibility"),
         ("demonstrations=none.npz", "demonstrations=none.npz: there is no such file"),
@@ -81,7 +86,27 @@ def test_a_run_directory_that_is_a_file_is_refused(capsys):
 
 
 @pytest.mark.parametrize(
-    "command", ["benchmark", "figure2", "figure3", "figure4", "frontier", "recovery", "sweeps", "table1", "watch"]
+    ("words", "message"),
+    [
+        ("recovery seeds=0 out=here", "seeds=0 is not an integer of at least 1"),
+        ("recovery iterations=-3 out=here", "iterations=-3 is not an integer of at least 0"),
+        ("recovery seeds=2", "results/recovery has 10 seeds; choose out=DIR"),
+        ("sweeps seeds=0 out=here", "seeds=0 is not an integer of at least 1"),
+        ("physics bodies=horse", "unknown body 'horse'; choose from swimmer, walker, pendulum, or all"),
+        ("expert env=walker iterations=0", "iterations=0 is not an integer of at least 1"),
+        ("expert env=walker env.constraint=none", "env.constraint=none: an expert is trained under a constraint"),
+    ],
+)
+def test_other_commands_refuse_in_one_line_too(words, message, capsys):
+    command, *given = words.split()
+    assert importlib.import_module(f"experiments.{command}").main(given) == 2
+    said = capsys.readouterr()
+    assert message in said.err and said.err.count("\n") == 1 and said.out == ""
+    assert not Path("here").exists()
+
+
+@pytest.mark.parametrize(
+    "command", ["benchmark", "figure2", "figure3", "figure4", "frontier", "physics", "recovery", "sweeps", "table1", "watch"]
 )
 def test_every_command_says_what_it_is_for(command, capsys):
     with pytest.raises(SystemExit) as ended:

@@ -1,4 +1,4 @@
-"""README.md and docs/guide.md hold what they say: commands are understood, Python runs, links lead somewhere."""
+"""README.md and the pages of docs/ hold what they say: commands are understood, Python runs, links lead somewhere."""
 
 import ast
 import importlib
@@ -14,17 +14,20 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("README.md", "docs/guide.md")
+PAGES = ("README.md", *(f"docs/{page}.md" for page in ("guide", "animals", "equations", "experts", "physics")))
 
 
 def blocks(page: str, language: str) -> list[str]:
     """The fenced blocks of a page in that language."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", (ROOT / page).read_text(), flags=re.MULTILINE | re.DOTALL)
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", (ROOT / page).read_text(), flags=re.MULTILINE | re.DOTALL)
+    return [block for of, block in found if of == language]
 
 
 def commands() -> list[str]:
-    """Every line `python -m experiments.…` of a shell block, without its comment."""
+    """Every `python -m experiments.…` of a shell block, without its comment, or in the text, where it is one to copy."""
     lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
+    in_text = [span for page in PAGES for span in re.findall(r"`([^`\n]+)`", (ROOT / page).read_text())]
+    lines += [span for span in in_text if not re.search(r"…|=[A-Z]+\b", span.partition("python")[2])]
     return sorted({shlex.join(shlex.split(line, comments=True)) for line in lines if "python -m experiments." in line})
 
 
@@ -79,7 +82,11 @@ UNDERSTOOD = {
     "experiments.benchmark": parsed_by("experiments.benchmark"),
     "experiments.watch": parsed_by("experiments.watch"),
     "experiments.sweeps": parsed_by("experiments.sweeps"),
+    "experiments.figure2": parsed_by("experiments.figure2"),
     "experiments.figure3": parsed_by("experiments.figure3"),
+    "experiments.figure4": parsed_by("experiments.figure4"),
+    "experiments.frontier": parsed_by("experiments.frontier"),
+    "experiments.physics": parsed_by("experiments.physics"),
 }
 
 
@@ -111,7 +118,7 @@ def found(module: Any, name: str) -> bool:
     return hasattr(module, name) or importlib.util.find_spec(f"{module.__name__}.{name}") is not None
 
 
-@pytest.mark.parametrize("page", [*PAGES, "docs/animals.md", "docs/equations.md", "docs/physics.md"])
+@pytest.mark.parametrize("page", PAGES)
 def test_every_link_within_the_project_leads_to_a_file_and_a_heading(page):
     for target in re.findall(r"\]\((?!https?:)([^)]+)\)", (ROOT / page).read_text()):
         path, _, anchor = target.partition("#")

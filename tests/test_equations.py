@@ -244,6 +244,21 @@ def test_corrected_policy_is_paid_by_the_centred_reward_the_step_factor_and_the_
     np.testing.assert_allclose(credit, log_sequence - log_sequence.mean(), rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["gacl", "icrl"])
+def test_a_policy_of_the_true_reward_is_paid_by_it_the_feasibility_and_the_entropy(name):
+    env = tiny_grid()
+    nets, params = tiny_networks(env, name)
+    params = params._replace(feasibility=jax.tree.map(lambda leaf: -9.0 * leaf, params.feasibility))  # some steps at the floor
+    expert, policy = random_trajectories(env, 0, 5), random_trajectories(env, 1, 60)
+    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, unit_stats(env), policy, policy.log_prob)
+    reward, credit = policy_reward(nets, params, unit_stats(env), expert, policy)
+    log_delta = np.log(sigmoid(naive(scores).step_logit))
+    assert 0 < (log_delta < -11.5).mean() < 1
+    paid = np.asarray(policy.reward) + np.maximum(log_delta, -11.5) - np.asarray(policy.log_prob)
+    np.testing.assert_allclose(reward, paid * naive(scores).mask, rtol=1e-6, atol=1e-9)
+    np.testing.assert_array_equal(credit, np.zeros(60))
+
+
 def test_thresholds_are_lowered_until_the_demonstrations_pass():
     expert = random_scores(0, 100)
     shifted = expert._replace(step_logit=expert.step_logit - 5.0)

@@ -69,6 +69,7 @@ def test_what_was_recovered_is_read_back_from_a_cell_undefined_included():
     [
         (["colour=red"], "unknown setting colour; choose from data"),
         (["methods=airl,gail", "data=simulated"], "unknown method 'gail'; choose from airl, airl_centred"),
+        (["data=simulated", "seeds=0"], "seeds=0 is not an integer of at least 1"),
         (["tau_max=3"], "tau_max=3 is not one of 1, 5"),
         (["data=nowhere"], "env.data=nowhere: no such folder"),
     ],

@@ -18,3 +18,5 @@ def test_the_regulator_balances_where_it_is_told_to():
 def test_a_wrong_setting_is_one_line(capsys: pytest.CaptureFixture[str]):
     assert frontier.main(["nose=1"]) == 2
     assert "nose" in capsys.readouterr().err
+    assert frontier.main(["episodes=0"]) == 2
+    assert "episodes=0 is not an integer of at least 1" in capsys.readouterr().err

@@ -44,7 +44,7 @@ def test_step_is_the_table(data):
 
 def test_simulated_mice_keep_the_constraint_and_are_called_simulated():
     env = make_env("labyrinth", data="simulated")
-    assert env.name == "labyrinth (simulated)"
+    assert env.title == "labyrinth (simulated)"
     assert env.has_reward
     assert not labyrinth.demonstrations(SIMULATED)["cost"].any()
     assert 0.2 <= labyrinth.reference_set(SIMULATED)["cost"].any(axis=1).mean() <= 0.8
@@ -64,7 +64,7 @@ def test_the_drawing_has_no_two_nodes_in_one_place():
 @needs_data
 def test_real_mice_have_no_reward_and_no_reference_set():
     env = make_env("labyrinth", data=DATA)
-    assert env.name == "labyrinth"
+    assert env.title == "labyrinth"
     assert not env.has_reward
     assert labyrinth.demonstrations(LabyrinthOptions(data=DATA))["obs"].shape == (2380, 50, 127)
     with pytest.raises(ValueError, match="only simulated"):

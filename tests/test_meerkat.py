@@ -33,7 +33,7 @@ def env():
 
 
 def test_the_simulated_mob_is_called_simulated(env):
-    assert env.name == "meerkat (simulated)"
+    assert env.title == "meerkat (simulated)"
     assert env.has_reward
     assert env.action_space == Discrete(25)
     assert env.constraint_input == "state_action"
@@ -171,7 +171,7 @@ def test_the_variable_must_name_a_folder_with_the_animal_in_it(tmp_path, monkeyp
     with pytest.raises(ValueError, match="no folder meerkat in it; set"):
         make_env("meerkat")
     monkeypatch.delenv("AIRCL_DATA")
-    assert make_env("meerkat").name == "meerkat (simulated)"
+    assert make_env("meerkat").title == "meerkat (simulated)"
 
 
 def test_a_truth_is_claimed_for_the_default_coding_alone():
@@ -236,7 +236,7 @@ def test_the_split_of_the_settings_is_what_a_run_learns_from():
 def test_the_real_windows_have_no_reward_and_both_cameras_in_every_fold():
     env, options = make_env("meerkat", data=DATA), MeerkatOptions(data=DATA)
     arrays = demonstrations(options)
-    assert env.name == "meerkat"
+    assert env.title == "meerkat"
     assert not env.has_reward
     assert arrays["obs"].shape == (1289, 30, 25)
     assert np.isnan(arrays["reward"]).all()

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,10 +10,12 @@ from aircl_jax.metrics import (
     feasible_return,
     goal_rate,
     infeasible,
+    step_metrics,
     undiscounted_return,
     violation_rate,
 )
 from aircl_jax.types import Trajectory
+from tests.tiny import one_state_env
 
 # Two episodes; the second ends after its first step, and what follows is to be ignored.
 COST = jnp.asarray([[0.0, 1.0, 0.0, 1.0], [0.0, 1.0, 1.0, 1.0]])
@@ -34,6 +38,13 @@ def test_return_is_the_mean_sum_over_unmasked_steps():
 
 def test_feasible_return_stops_before_the_first_violation():
     assert feasible_return(TRAJECTORIES) == (1 + 3) / 2
+
+
+def test_a_return_is_undefined_where_no_reward_is_known_though_a_row_assumes_one():
+    env = one_state_env(lambda t, action: jnp.zeros(()))
+    for has_reward, expected in ((True, 9.0), (False, np.nan)):
+        found = step_metrics(replace(env, has_reward=has_reward), TRAJECTORIES, TRAJECTORIES, jnp.zeros(2), jnp.zeros(2))
+        np.testing.assert_array_equal([found["return"], found["return_sampled"]], expected)
 
 
 @pytest.mark.parametrize(("success", "expected"), [(15.0, 0.5), (3.0, 1.0), (16.0, 0.0)])

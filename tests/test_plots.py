@@ -93,7 +93,7 @@ def test_a_run_without_a_feasibility_draws_none(monkeypatch):
 
 
 def test_a_known_reward_and_a_clone_have_no_learned_reward_to_draw():
-    assert [name for name, method in METHODS.items() if not evidence.learns_reward(method)] == [
+    assert [name for name, method in METHODS.items() if not method.learns_reward] == [
         "gacl",
         "icrl",
         "icrl_prior",

@@ -83,8 +83,9 @@ def test_a_run_killed_at_five_moments_ends_with_the_same_bytes(uninterrupted, tm
     assert result.summary["metrics"] == json.loads((uninterrupted / SUMMARY).read_text())["metrics"]
 
 
-def test_a_longer_run_has_the_bytes_of_one_that_was_meant_to_be_longer(uninterrupted, tmp_path):
-    train(**SETTINGS, iterations=CHUNK + 2, run_dir=tmp_path / "run")
+@pytest.mark.parametrize("remainder", [1, 2])
+def test_a_longer_run_has_the_bytes_of_one_that_was_meant_to_be_longer(uninterrupted, tmp_path, remainder):
+    train(**SETTINGS, iterations=CHUNK + remainder, run_dir=tmp_path / "run")
     train(**SETTINGS, iterations=ITERATIONS, run_dir=tmp_path / "run", resume=True)
     assert (tmp_path / "run" / METRICS).read_bytes() == (uninterrupted / METRICS).read_bytes()
 

@@ -43,6 +43,8 @@ def test_unknown_coefficients_and_no_values_are_refused():
         sweep(plan(), "phi", [0.1])
     with pytest.raises(ValueError, match="values is empty"):
         sweep(plan(), "threshold", [])
+    with pytest.raises(ValueError, match=r"threshold=0\.0 is not above 0"):
+        sweep(plan(), "threshold", [0.3, 0.0])
 
 
 def test_a_finished_sweep_is_written_and_not_trained_again(tmp_path, capsys):
@@ -51,7 +53,8 @@ def test_a_finished_sweep_is_written_and_not_trained_again(tmp_path, capsys):
     (tmp_path / "m.json").write_text(json.dumps(found | {"metrics": metrics}))
     assert sweeps.main(["sweep=m", "seeds=2", f"out={tmp_path}"]) == 0
     report = (tmp_path / "report.md").read_text()
-    assert "| 0 | 0.150 ± 0.050 | 0.150 ± 0.050 |" in report
+    assert "| 0 | 0.150 ± 0.071 | 0.150 ± 0.071 |" in report
+    assert "| 1 | — | — |" in report
     assert "Not trained yet: `python -m experiments.sweeps sweep=noise`" in report
     assert (tmp_path / "m.png").stat().st_size > 5000
     assert "training" not in capsys.readouterr().out
