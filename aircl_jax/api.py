@@ -24,6 +24,7 @@ from aircl_jax.session import Progress, Row, Stopwatch, run_session
 from aircl_jax.train import make_trainer
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
+from envs.data_source import command_prefix
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +164,8 @@ def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_pro
 
             figures = plots.write_figures(result, directory.path / runs.FIGURES)
             reading = preferences.reading(result)
-            directory.write_report(report.report(summary, result.alarms, figures, command, reading))
+            prefix = command_prefix(plan.env_settings.get("data"), plan.env.simulated)
+            directory.write_report(report.report(summary, result.alarms, figures, prefix + command, reading))
             directory.write_summary(summary)
     return result
 

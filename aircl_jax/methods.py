@@ -26,6 +26,11 @@ class Method:
         return self.reward == "true"
 
     @property
+    def assumes_no_reward(self) -> bool:
+        """Whether it takes r = 0 where nobody knows the true reward (GACL; Section 7.3)."""
+        return self.needs_true_reward and self.judge == "feasibility"
+
+    @property
     def learns_reward(self) -> bool:
         return self.reward == "learned" and self.learner == "ppo"
 

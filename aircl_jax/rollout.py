@@ -13,7 +13,7 @@ from envs import Env
 
 def rollout(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNGKeyArray) -> Trajectory:
     """τ ~ π_ω: reset, then T steps. `mask` ends with the step that terminates; `bootstrap` is V(s_T) at a mere time limit."""
-    assumes_no_reward = nets.method.needs_true_reward and not env.has_reward  # GACL on animals, r = 0; Section 7.3
+    assumes_no_reward = nets.method.assumes_no_reward and not env.has_reward
     key_reset, key_steps = jax.random.split(key)
     env_state, first_obs = env.reset(key_reset)
 

@@ -33,7 +33,7 @@ class Trainer(NamedTuple):
 
 def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     """The training loop's two functions for a method's row on an environment. `expert` is D_E, [N_E, T, …]."""
-    if method.needs_true_reward and not env.has_reward and method.judge != "feasibility":
+    if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     nets = make_networks(env, method, config)
     pooled = method.sampled_from == "pool"
@@ -62,11 +62,12 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_sampler, key_adversary, key_policy, key_replay = jax.random.split(state.key, 6)
-        params, stats, now = state.params, state.obs_stats, scheduled(nets, state.step)
+        params, stats = state.params, state.obs_stats
+        now = scheduled(nets, state.step)  # the same networks, with this iteration's learning rates
 
-        policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4: D_P
+        policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4, first: D_P
         log_delta = trajectory_feasibility(nets, params, stats, policy)
-        sampled = draw(nets, policy, log_delta, key_sampler)  # line 3: D_S, Eq. 9
+        sampled = draw(nets, policy, log_delta, key_sampler)  # line 3: D_S is drawn from D_P, Eq. 9
 
         judged = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
         batches = Batches(expert, sampled, policy=judged, replay=state.replay)

@@ -22,3 +22,8 @@ def data_folder(setting: str, name: str) -> Path | None:
     if not folder.is_dir():
         raise ValueError(f"env.data={setting}: no such folder; give a folder, or simulated")
     return folder / name if (folder / name).is_dir() else folder
+
+
+def command_prefix(setting: object, simulated: bool) -> str:
+    """What a command to be repeated begins with where the variable told it of recordings; empty where it did not."""
+    return f"{VARIABLE}=DIR " if setting == "default" and not simulated else ""

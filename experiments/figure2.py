@@ -13,7 +13,7 @@ import numpy as np
 
 from aircl_jax import plots_animals as plots
 from aircl_jax import plots_ground
-from envs.data_source import VARIABLE
+from envs.data_source import command_prefix
 from experiments.arguments import parse
 from experiments.figure2_analysis import NICE, Numbers, Settings, Study, analyse, read
 from experiments.figure2_report import report
@@ -32,8 +32,7 @@ def main(arguments: list[str]) -> int:
     out.mkdir(parents=True, exist_ok=True)
     numbers = analyse(study, settings)
     draw(study, settings, numbers)
-    variable = "" if study.simulated or settings.data != "default" else f"{VARIABLE}=DIR "
-    command = variable + shlex.join(["python", "-m", "experiments.figure2", *arguments])
+    command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure2", *arguments])
     (out / "numbers.json").write_text(json.dumps({"command": command, **numbers.as_json()}, indent=1) + "\n")
     (out / "report.md").write_text(report(study, numbers, command))
     print(out / "report.md")

@@ -21,7 +21,7 @@ from aircl_jax import plots_causal, plots_codes  # noqa: E402
 from aircl_jax.causal import strongest  # noqa: E402
 from aircl_jax.plots_style import DPI, STYLE  # noqa: E402
 from envs import Codes  # noqa: E402
-from envs.data_source import VARIABLE  # noqa: E402
+from envs.data_source import command_prefix  # noqa: E402
 from experiments import figure4_cells as cells  # noqa: E402
 from experiments import figure4_held_out as held_out  # noqa: E402
 from experiments import figure4_report as words  # noqa: E402
@@ -39,8 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    variable = "" if study.simulated or settings.data != "default" else f"{VARIABLE}=DIR "
-    command = variable + shlex.join(["python", "-m", "experiments.figure4", *arguments])
+    command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure4", *arguments])
     try:
         for found in collect(settings, study, methods):  # a report after every cell: what is finished can be read
             write(settings, study, found, command)
