@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from aircl_jax import preferences
 from aircl_jax.metrics import auroc
@@ -16,10 +16,10 @@ from experiments.figure4_cells import Study, from_json
 MEASURED = ("reward_correlation", "feasibility_auroc", "feasibility_gap")
 RATES = ("violation_rate", "violation_rate_policy")
 NOTE = """\
-Changes are judged where chance would have shown them 5 times; `—` is undefined. *Log frequency* learns nothing: log of the
-share of a pair among those of its first code, in the demonstrations (its first column is over their steps). Where the world
-is code to code, f comes to be log π_E and a constant, so that it says of the reward what frequencies say, less what a small
-network smooths away."""
+Changes are judged where chance would have shown them 5 times; `—` is undefined. *Counting* learns nothing: log of the share of
+a pair among those of its first code, in the demonstrations (its first column is over their steps), and cases of a change per
+case that chance would give. Where the world is code to code, f comes to be log π_E and a constant and z₁ the log of a ratio of
+frequencies, so that they say what counting says, less what a small network smooths away."""
 
 
 def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:
@@ -36,27 +36,36 @@ def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:
         by_pair, by_change = (
             spread([_correlation(one[pairs], truth.reward[pairs]) for one in recovered.reward], 2) for pairs in among
         )
-        judged = (preferences.expected(recovered.seen, truth.structural) >= preferences.LEAST_EXPECTED) & ~truth.structural
+        _, judged = _chance(recovered.seen, truth)
         ranked = [_auroc(one[judged], ~truth.forbidden[judged]) for one in recovered.delta]
         reward, windows, gap = (spread(measured[key]["per_seed"], 3) for key in MEASURED)
         rates = [spread(measured[key]["per_seed"], 3) for key in RATES]
         row = (name, reward, by_pair, by_change, windows, gap, spread(ranked, 2), *rates)
         lines.append(f"| {' | '.join(row)} |")
-    lines.append(f"| *log frequency* | {' | '.join(_of_frequencies(study, truth, moved))} |" + " |" * 5)
+    correlations, ranking = _by_counting(study, truth, moved)
+    lines.append(f"| *counting* | {' | '.join(correlations)} | | | {ranking} | | |")
     return "\n".join([*lines, "", NOTE])
 
 
-def _of_frequencies(study: Study, truth: Truth, moved: Bool[np.ndarray, "C C"]) -> tuple[str, ...]:
-    """What the logarithm of a pair's share among its first code's own says of the reward, with no learning at all."""
+def _chance(seen: Int[np.ndarray, "C C"], truth: Truth) -> tuple[Float[np.ndarray, "C C"], Bool[np.ndarray, "C C"]]:
+    """How often chance would have shown each change, and whether that is often enough to judge it."""
+    expected = preferences.expected(seen, truth.structural)
+    return expected, (expected >= preferences.LEAST_EXPECTED) & ~truth.structural
+
+
+def _by_counting(study: Study, truth: Truth, moved: Bool[np.ndarray, "C C"]) -> tuple[list[str], str]:
+    """With no learning at all: correlations of a pair's log share with the reward, AUROC of a change's cases per expected."""
     code = study.herd.windows.code
-    seen = np.zeros_like(truth.reward)
-    np.add.at(seen, (code[:, :-1], code[:, 1:]), 1.0)
+    seen = np.zeros(truth.reward.shape, dtype=np.int64)
+    np.add.at(seen, (code[:, :-1], code[:, 1:]), 1)
     log_share = np.log(np.where(seen > 0, seen, 1.0) / np.maximum(seen.sum(axis=1, keepdims=True), 1.0))
     allowed = (seen > 0) & ~truth.forbidden
-    once = (f"{_correlation(log_share[among], truth.reward[among]):.2f}" for among in (allowed, allowed & moved))
-    times = seen[allowed].astype(int)
+    once = [f"{_correlation(log_share[among], truth.reward[among]):.2f}" for among in (allowed, allowed & moved)]
+    times = seen[allowed]
     by_step = _correlation(np.repeat(log_share[allowed], times), np.repeat(truth.reward[allowed], times))
-    return f"{by_step:.3f}", *once
+    expected, judged = _chance(seen, truth)
+    ranking = _auroc(seen[judged] / expected[judged], ~truth.forbidden[judged])
+    return [f"{by_step:.3f}", *once], f"{ranking:.2f}"
 
 
 def _correlation(found: Float[np.ndarray, " K"], true: Float[np.ndarray, " K"]) -> float:
