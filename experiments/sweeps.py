@@ -30,6 +30,7 @@ from experiments.commits import current_commit  # noqa: E402
 from experiments.comparison import spread  # noqa: E402
 
 RESULTS = "results/sweeps"
+OF_THE_EXPERT = ("violation_rate_expert", "expert_goal_rate")  # what the rates are to be read beside
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def write(out: Path) -> Path:
 
 def table(found: Mapping[str, Any]) -> list[str]:
     """A row a value."""
-    names = [name for name in plots_sweep.SHOWN if name in found["metrics"]]
+    names = [name for name in (*plots_sweep.SHOWN, *OF_THE_EXPERT) if name in found["metrics"]]
     lines = [f"| {found['setting']} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for place, value in enumerate(found["values"]):
         cells = [spread(found["metrics"][name][place], 3) for name in names]
