@@ -134,8 +134,8 @@ def _beginnings(recovered: Recovered, names: Sequence[str]) -> str:
     return "\n".join(
         [
             "**What they go for.** Each activity by how much reward the run infers for beginning it, and for going on with",
-            "it; 0 is the average step of the recordings. Where the discriminator has settled, this is the logarithm of how likely",
-            f"the step is for the animals, and a constant. {_agreement(reward[:, shown], 'activities')}",
+            "it; 0 is the average step of the recordings. Where the discriminator has settled, it is the logarithm of how",
+            f"likely the step is for the animals, and a constant. {_agreement(reward[:, shown], 'activities')}",
             "",
             "| | activity | reward of beginning it | of going on with it | begun |",
             "|---|---|---|---|---|",
