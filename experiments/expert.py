@@ -20,6 +20,7 @@ from aircl_jax.settings import at_least, plain, updated  # noqa: E402
 from envs import ENVS, make_env  # noqa: E402
 from envs.options import RobotOptions  # noqa: E402
 from experiments import cli  # noqa: E402
+from experiments.settings import QUIET, hydra_node  # noqa: E402
 
 HELP = f"""Trains experts by PPO-Lagrangian and writes demonstrations and a reference set.
 
@@ -68,7 +69,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def register() -> None:
     """Put the settings of an expert's training into Hydra's store, beside those of the environments."""
-    node = {**asdict(ExpertSettings()), "train": _all_default(LagrangianConfig()), "defaults": _DEFAULTS, "hydra": _HYDRA}
+    node = {
+        **asdict(ExpertSettings()),
+        "train": _all_default(LagrangianConfig()),
+        "defaults": _DEFAULTS,
+        "hydra": hydra_node("experiments.expert", HELP),
+    }
     ConfigStore.instance().store(name="expert", node=node)
 
 
@@ -123,18 +129,7 @@ def _given(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in nested.items() if value not in (DEFAULT, {})}
 
 
-_DEFAULTS = [
-    "_self_",
-    {"env": "swimmer"},
-    {"override hydra/job_logging": "none"},
-    {"override hydra/hydra_logging": "none"},
-]
-_HYDRA = {
-    "run": {"dir": "."},
-    "output_subdir": None,
-    "job": {"chdir": False},
-    "help": {"app_name": "experiments.expert", "template": HELP},
-}
+_DEFAULTS = ["_self_", {"env": "swimmer"}, *QUIET]
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -48,10 +48,23 @@ class RunSettings:
     overwrite: bool = False
 
 
+QUIET = [{"override hydra/job_logging": "none"}, {"override hydra/hydra_logging": "none"}]  # of a list of defaults
+
+
+def hydra_node(app_name: str, template: str) -> dict[str, Any]:
+    """Hydra's own settings: it leaves no file, stays in the folder it is called from, and its help is ours."""
+    return {
+        "run": {"dir": "."},
+        "output_subdir": None,
+        "job": {"chdir": False},
+        "help": {"app_name": app_name, "template": template},
+    }
+
+
 def register() -> None:
     """Put the settings of a run, of every environment and its training into Hydra's store."""
     store = ConfigStore.instance()
-    store.store(name="run", node={"defaults": _DEFAULTS, **asdict(RunSettings()), "hydra": _HYDRA})
+    store.store(name="run", node={"defaults": _DEFAULTS, **asdict(RunSettings()), "hydra": hydra_node("experiments.run", HELP)})
     for name, row in ENVS.items():
         store.store(group="env", name=name, node=plain(asdict(row.options())))
         for method in METHODS:
@@ -85,12 +98,5 @@ _DEFAULTS = [
     {"method": "aircl_corrected"},
     {"train": "${env}_${method}"},
     {"scale": "full"},
-    {"override hydra/job_logging": "none"},
-    {"override hydra/hydra_logging": "none"},
+    *QUIET,
 ]
-_HYDRA = {
-    "run": {"dir": "."},
-    "output_subdir": None,
-    "job": {"chdir": False},
-    "help": {"app_name": "experiments.run", "template": HELP},
-}
