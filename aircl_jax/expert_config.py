@@ -66,7 +66,7 @@ _WALKER = replace(
     ppo=replace(_DEFAULT.ppo, learning_rate=7e-4, minibatch_size=500, discount=0.998),
 )
 _WALKER_TORQUE = replace(_WALKER, motor_limit=0.5)
-_WALKER_POSITION = _WALKER
+_WALKER_POSITION = replace(_WALKER, iterations=1500)  # nothing limits its torques: it goes on getting faster
 
 EXPERTS: dict[str, LagrangianConfig] = {
     "swimmer_torque": _SWIMMER_TORQUE,

@@ -19,6 +19,7 @@ from aircl_jax.expert_training import (
     Runner,
     Sampler,
     best_expert,
+    best_free,
     clean_episodes,
     clipped_world,
     judge,
@@ -106,7 +107,7 @@ def harvest(task: Task, draw: Sampler, states: LagrangianState) -> dict[str, Any
     each = [jax.tree.map(lambda leaf, i=i: leaf[i], jax.device_get(states)) for i in range(total)]
     judged = [judge(draw(state, jax.random.fold_in(key_judge, i), JUDGED)) for i, state in enumerate(each)]
     best = best_expert(judged[: task.seeds])
-    free = max(range(task.seeds, total), key=lambda i: judged[i].mean)
+    free = task.seeds + best_free(judged[task.seeds :])
 
     clean, share = clean_episodes(draw, each[best], key_draw, task.episodes)
     reference, groups = reference_set(draw, each[best], each[free], key_reference)

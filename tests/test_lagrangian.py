@@ -5,13 +5,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import PRNGKeyArray
 from tiny import UNOPTIMISED, one_state_env, random_trajectories, tiny_grid
 
 from aircl_jax.config import PPOConfig
 from aircl_jax.expert_config import LagrangianConfig
-from aircl_jax.expert_training import Judgement, altered, best_expert, judge
+from aircl_jax.expert_training import Judgement, Sampler, altered, best_expert, best_free, judge, reference_set
 from aircl_jax.experts import load_shipped
 from aircl_jax.lagrangian import (
+    LagrangianState,
     Moments,
     acting_params,
     lagrangian_advantage,
@@ -23,6 +25,7 @@ from aircl_jax.lagrangian import (
     weakened,
 )
 from aircl_jax.rollout import rollouts
+from aircl_jax.types import Trajectory
 from envs import Box, Step, make_env
 
 SHIPPED = sorted(
@@ -130,6 +133,32 @@ def test_best_expert_is_the_richest_of_those_that_are_clean_in_half():
     assert best_expert(judged) == 2
     with pytest.raises(ValueError, match=r"no seed is clean"):
         best_expert(judged[:1])
+
+
+def test_the_unconstrained_expert_is_the_richest_of_those_that_violate():
+    judged = [Judgement(mean=r, std=1.0, clean_share=s, clean_return=r, cost=0.0) for r, s in ((9, 0.9), (5, 0.1), (7, 0.4))]
+    assert best_free(judged) == 2
+    assert best_free(judged[:1]) == 0
+
+
+class Scripted(Sampler):
+    """Episodes of which a share violates: all of one state's, some of every other's."""
+
+    def __init__(self, always: LagrangianState, share: float) -> None:
+        self.always, self.share = always, share
+
+    def __call__(self, state: LagrangianState, key: PRNGKeyArray, number: int) -> Trajectory:
+        episodes = random_trajectories(tiny_grid(), 0, number)
+        share = 1.0 if state.key is self.always.key else self.share
+        return episodes._replace(cost=episodes.mask * (jnp.arange(number) < share * number)[:, None])
+
+
+@pytest.mark.parametrize(("violating", "groups"), [(0.5, 7), (0.0, 8)])
+def test_a_reference_set_of_rare_violations_has_more_of_the_unconstrained_expert(violating, groups):
+    expert, free = (make_lagrangian(limited_world(), CONFIG).init(jax.random.key(seed)) for seed in (0, 1))
+    whole, judged = reference_set(Scripted(free, violating), expert, free, jax.random.key(0))
+    assert len(judged) == groups
+    assert 0.2 <= judge(whole).clean_share <= 0.8
 
 
 def test_judge_counts_unmasked_steps_only():

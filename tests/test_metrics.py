@@ -3,6 +3,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tiny import one_state_env
 
 from aircl_jax.metrics import (
     auroc,
@@ -15,7 +16,6 @@ from aircl_jax.metrics import (
     violation_rate,
 )
 from aircl_jax.types import Trajectory
-from tests.tiny import one_state_env
 
 # Two episodes; the second ends after its first step, and what follows is to be ignored.
 COST = jnp.asarray([[0.0, 1.0, 0.0, 1.0], [0.0, 1.0, 1.0, 1.0]])
