@@ -53,11 +53,6 @@ def occupancy(table: Tabular, log_policy: Float[Array, "T X A"]) -> Float[Array,
     return jax.lax.scan(forward, table.start, log_policy)[1]
 
 
-def expected_return(table: Tabular, log_policy: Float[Array, "T X A"], reward: Float[Array, "X A"]) -> Float[Array, ""]:
-    """E[Σ_t r(x_t, a_t)] of a time-dependent policy, exactly."""
-    return jnp.einsum("tx,txa,xa->", occupancy(table, log_policy), jnp.exp(log_policy), reward)
-
-
 def sample_table(env: Env, log_policy: Float[Array, "T X A"], key: PRNGKeyArray, number: int) -> Trajectory:
     """`number` episodes of a time-dependent policy over a tabular world's states, [N, T, …]; log_prob and value are 0."""
 

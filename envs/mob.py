@@ -5,7 +5,6 @@ code c (a behaviour, or moving to a place) and draws its next code from the soft
 π(c'|p, c) ∝ exp(r(c, c') + γ V(p', c')) over the codes c' that are possible in p and, if constrained, allowed after c.
 """
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -208,18 +207,3 @@ def _recording(
         close=close.ravel(),
         distant=((apart < DISTANT).sum(axis=0) - close).ravel(),
     )
-
-
-def write_tables(tracks: Tracks, folder: Path) -> None:
-    """Simulated tracks as CSV files in the format of the published tables (neighbours by number alone)."""
-    header = ",".join(MAPPING.columns[name] for name in ("time", "individual", "behaviour", "place", "group"))
-    header += "," + ",".join(MAPPING.columns[name] for name in ("close", "distant", "coordinates"))
-    for recording in np.unique(tracks.recording):
-        part = tracks.take(np.flatnonzero(tracks.recording == recording))
-        lines = [header]
-        for row in zip(*part, strict=True):
-            _, _, individual, group, time, behaviour, place, position, close, distant = row
-            near, far = ("{" + ";".join(map(str, range(count))) + "}" for count in (close, distant))
-            spot = ";".join(map(repr, np.nan_to_num(position).tolist()))
-            lines.append(f"{time:.0f},{individual},{behaviour},{place},{group},{near},{far},[{spot}]")
-        (folder / f"{recording}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")

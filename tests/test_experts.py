@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tiny import table_of
+from tiny import expected_return, table_of
 
-from aircl_jax.experts import expected_return, occupancy, sample_table, soft_value_iteration
+from aircl_jax.experts import occupancy, sample_table, soft_value_iteration
 from envs import make_env
 
 HORIZON = 3

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tiny import KNOWN_REWARD, TINY, one_state_env, random_trajectories, table_of, unit_stats
+from tiny import KNOWN_REWARD, TINY, expected_return, one_state_env, random_trajectories, table_of, unit_stats
 
 from aircl_jax.config import PPOConfig, TrainConfig
-from aircl_jax.experts import expected_return, soft_value_iteration
+from aircl_jax.experts import soft_value_iteration
 from aircl_jax.networks import make_networks
 from aircl_jax.rollout import rollouts
 from aircl_jax.train import make_trainer

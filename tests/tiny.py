@@ -8,10 +8,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from aircl_jax.adversary import Batches
 from aircl_jax.config import AdversaryConfig, Coefficients, PPOConfig, TrainConfig
+from aircl_jax.experts import occupancy
 from aircl_jax.methods import METHODS, Method
 from aircl_jax.networks import Networks, make_networks
 from aircl_jax.train import make_trainer
@@ -140,3 +141,8 @@ def fused_step(name: str) -> Callable:
         return first, *trainer.step(first, expert)
 
     return jax.jit(run, compiler_options=UNOPTIMISED)
+
+
+def expected_return(table: Tabular, log_policy: Float[Array, "T X A"], reward: Float[Array, "X A"]) -> Float[Array, ""]:
+    """E[Σ_t r(x_t, a_t)] of a time-dependent policy, exactly."""
+    return jnp.einsum("tx,txa,xa->", occupancy(table, log_policy), jnp.exp(log_policy), reward)
