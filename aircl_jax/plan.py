@@ -85,6 +85,10 @@ def make_plan(
     if iterations != "default":
         config = replace(config, iterations=at_least("iterations", iterations, 1))
     check_config(config, "train")
+    if row.feasibility != "none" and (config.constraint_input, world.constraint_input) == ("action", "state"):
+        raise ValueError(
+            f"train.constraint_input=action: the constraint of env={world.name} reads states alone; choose env, or state_action"
+        )
     count, first = at_least("seeds", seeds, 1), at_least("first_seed", first_seed, 0)
     if first + count > REFERENCE_SEED:
         raise ValueError(f"first_seed={first}, seeds={count}: a seed is too great; choose seeds below {REFERENCE_SEED}")

@@ -36,6 +36,16 @@ def test_an_environment_of_ones_own_is_no_named_one():
         make_plan(env, "airl", env_settings={"slip": 0.1}, config={}, **GIVEN)
 
 
+def test_a_feasibility_of_actions_alone_is_refused_before_a_wall():
+    for method, refused in (("aircl_corrected", True), ("airl_centred", False), ("aircl", False)):
+        asked = {"env_settings": {"constraint": "position"}, "config": {}, **GIVEN}
+        if refused:
+            with pytest.raises(ValueError, match="constraint_input=action: the constraint of env=walker reads states alone"):
+                make_plan("walker", method, **asked)
+            asked["config"] = {"constraint_input": "env"}
+        assert make_plan("walker", method, **asked).env.constraint_input == "state"
+
+
 def test_a_simulated_world_has_the_settings_of_its_kind():
     plan = make_plan(make_env("meerkat", **SIMULATED), "aircl_corrected", env_settings={}, config={}, **GIVEN)
     assert plan.config.warm_start == default_config("meerkat", "tuned").warm_start > TrainConfig().warm_start
