@@ -81,7 +81,7 @@ def _make(name: str, options: RobotOptions) -> Env:
         constraint_input=constraint.of,
         demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
         coordinates=_coordinates(model, task.observe(rest).size),
-        motors=tuple(f"motor {_spoken(model.actuator(index).name)}" for index in range(model.nu)),
+        motors=tuple(f"motor {_spoken(model.joint(model.actuator(index).trnid[0]).name)}" for index in range(model.nu)),
     )
 
 

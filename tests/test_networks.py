@@ -159,6 +159,14 @@ def test_feasibility_is_a_function_of_what_the_settings_say(sees, moves):
     assert (logit(0, 0.1) != logit(1, 0.1), logit(0, 0.1) != logit(0, 0.9)) == moves
 
 
+def test_figures_call_a_robots_coordinates_by_its_joints():
+    env = make_env("walker")
+    assert len(env.coordinate_names) == env.obs_size == 17
+    assert env.coordinate_names[:3] == ("z", "pitch", "hip right") and env.coordinate_names[-1] == "velocity of ankle left"
+    assert env.motor_names[0] == "motor hip right" and len(env.motor_names) == 6
+    assert tiny_grid().coordinate_names[0] == "coordinate 0"
+
+
 def test_additive_step_feasibility_is_a_sum_over_coordinates():
     env = one_state_env(lambda t, action: action.sum(), action_space=Box(2))
     env = replace(env, constraint_input="state_action")
