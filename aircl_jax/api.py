@@ -164,8 +164,9 @@ def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_pro
 
             figures = plots.write_figures(result, directory.path / runs.FIGURES)
             reading = preferences.reading(result)
-            prefix = command_prefix(plan.env_settings.get("data"), plan.env.simulated)
-            directory.write_report(report.report(summary, result.alarms, figures, prefix + command, reading))
+            if command:
+                command = command_prefix(plan.env_settings.get("data"), plan.env.simulated) + command
+            directory.write_report(report.report(summary, result.alarms, figures, command, reading))
             directory.write_summary(summary)
     return result
 

@@ -14,7 +14,7 @@ from aircl_jax.plots_style import BLACK, GREY, Drawing
 from aircl_jax.preferences import Recovered, rank_agreement
 from envs import Maze
 
-LABEL_AT = {"home": (-30, -22)}  # points from its node to a label; the maze is open there
+LABEL_AT = {"home": (6, -6.2)}  # points from its node to a label: between the corridor and the leaves below it
 
 
 def draw(recovered: Recovered, maze: Maze, title: str) -> Iterator[Drawing]:

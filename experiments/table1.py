@@ -18,11 +18,10 @@ from aircl_jax import runtime
 runtime.prepare()  # before anything imports jax
 
 from experiments import cells, claims_report, table1_report  # noqa: E402
-from experiments.arguments import listed, parse  # noqa: E402
+from experiments.arguments import SEEDS, listed, parse  # noqa: E402
 from experiments.cells import COLUMNS, ROWS, Job  # noqa: E402
 from experiments.commits import current_commit  # noqa: E402
 
-SEEDS = 10
 RESULTS = Path("results")
 SMOKE: dict[str, Any] = {
     "num_trajectories": 4,
