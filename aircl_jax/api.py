@@ -19,7 +19,7 @@ from aircl_jax.feasibility import log_feasibility, log_step_feasibility
 from aircl_jax.metrics import evaluate as evaluate_seed
 from aircl_jax.networks import Networks, make_networks
 from aircl_jax.plan import Plan, make_plan, planned
-from aircl_jax.seeds import make_runner, seed_keys
+from aircl_jax.seeds import make_evaluator, make_runner, seed_keys
 from aircl_jax.session import Progress, Row, Stopwatch, run_session
 from aircl_jax.train import make_trainer
 from aircl_jax.types import TrainState, Trajectory
@@ -183,7 +183,7 @@ def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
 
 def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) -> Callable[[TrainState], Row]:
     """The evaluation of all seeds' states, {metric: [S]}."""
-    evaluate = jax.jit(jax.vmap(partial(evaluate_seed, networks), in_axes=(0, 0, None)))
+    evaluate = make_evaluator(partial(evaluate_seed, networks), expert.mask.shape[0])
     return lambda states: jax.device_get(evaluate(states, expert, reference))
 
 

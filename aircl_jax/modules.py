@@ -14,6 +14,7 @@ HIDDEN_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal"
 ADDITIVE_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal", in_axis=1, out_axis=2, batch_axis=0)
 ADDITIVE_SCALE = 3.0  # walls are sharper than the spread of the demonstrations
 KEY_BOUND = 8.0  # of the attention's log weights: e^8 outweighs 500 steps, and its sums stay exact in float32
+SUM_BLOCK = 20  # steps
 SEQUENCE_BIAS = 1.0  # initial logit of both factors: what is done is feasible until something speaks against it
 
 
@@ -86,7 +87,8 @@ class AttentionEncoder(nn.Module):
         h = nn.relu(nn.Dense(first, kernel_init=HIDDEN_INIT)(x))
         key = KEY_BOUND * nn.tanh(nn.Dense(first)(h) / KEY_BOUND)
         weight = jnp.exp(key) * mask[:, None]
-        context = jnp.cumsum(weight * h, axis=0) / (jnp.cumsum(weight, axis=0) + 1e-6)
+        above, below = jnp.split(running_sum(jnp.concatenate([weight * h, weight], axis=-1)), 2, axis=-1)
+        context = above / (below + 1e-6)
         y = jnp.concatenate([h, context], axis=-1)
         for width in rest or (first,):
             y = nn.relu(nn.Dense(width, kernel_init=HIDDEN_INIT)(y))
@@ -119,6 +121,15 @@ class LinearEncoder(nn.Module):
 
 
 ENCODERS = {"attention": AttentionEncoder, "gru": GRUEncoder}
+
+
+def running_sum(x: Float[Array, "T C"]) -> Float[Array, "T C"]:
+    """Σ_{u≤t} x_u by products with triangles of ones: on a CPU faster than `jnp.cumsum`, whose scan reads x log T times."""
+    length, channels = x.shape
+    blocks = jnp.pad(x, ((0, -length % SUM_BLOCK), (0, 0))).reshape(-1, SUM_BLOCK, channels)
+    within = jnp.einsum("ts,bsc->btc", jnp.tri(SUM_BLOCK), blocks, precision="highest")
+    before = jnp.einsum("bd,dc->bc", jnp.tri(len(blocks), k=-1), within[:, -1], precision="highest")
+    return (within + before[:, None]).reshape(-1, channels)[:length]
 
 
 def smooth_minimum(score: Float[Array, " T"], mask: Float[Array, " T"]) -> Float[Array, ""]:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Key
 from aircl_jax.train import Trainer
 from aircl_jax.types import Metrics, TrainState
 
+SEED = PartitionSpec("seed")
 Expert = Any  # Trajectory [S, N, T, …]: D_E of each seed; whatever else a trainer takes in its place
 
 
@@ -42,15 +43,8 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
 
     `expert` is [S, N, T, …]: every seed has its own demonstrations (the same ones where they come from a file).
     """
-    mesh = jax.make_mesh((_shards(len(seeds)),), ("seed",), axis_types=(AxisType.Auto,))
-    spec = PartitionSpec("seed")
-    shard = partial(jax.shard_map, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False)
-    sharding = NamedSharding(mesh, spec)
-
-    def place(tree: Any) -> Any:
-        return jax.device_put(tree, sharding)
-
-    init = jax.jit(shard(over_seeds(trainer.init)))
+    shard, place = _spread(len(seeds))
+    init = jax.jit(shard(over_seeds(trainer.init), in_specs=(SEED, SEED)))
 
     @partial(jax.jit, static_argnums=2, donate_argnums=0)
     def run_chunk(states: TrainState, expert: Expert, length: int) -> tuple[TrainState, Metrics]:
@@ -61,13 +55,33 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
             states, metrics = jax.lax.scan(iteration, states, length=length)
             return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)
 
-        states, metrics = shard(on_device, in_specs=(spec, spec))(states, expert)
+        states, metrics = shard(on_device, in_specs=(SEED, SEED))(states, expert)
         return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)
 
     return Runner(
         init=lambda expert: init(place(seed_keys(seeds)), place(expert)),
         run_chunk=lambda states, expert, length: run_chunk(place(states), place(expert), length),
     )
+
+
+def make_evaluator(
+    evaluate: Callable[[TrainState, Expert, Any], Metrics], num_seeds: int
+) -> Callable[[TrainState, Expert, Any], Metrics]:
+    """`evaluate(state, expert, shared)` of every seed, [S, …]; `shared` is one for all. Spread as in training."""
+    shard, place = _spread(num_seeds)
+
+    def on_device(states: TrainState, expert: Expert, shared: Any) -> Metrics:
+        return over_seeds(lambda state, of_seed: evaluate(state, of_seed, shared))(states, expert)
+
+    judge = jax.jit(shard(on_device, in_specs=(SEED, SEED, PartitionSpec())))
+    return lambda states, expert, shared: judge(place(states), place(expert), shared)
+
+
+def _spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
+    """`jax.shard_map` of the leading axis over the devices, and what places a tree like that."""
+    mesh = jax.make_mesh((_shards(num_seeds),), ("seed",), axis_types=(AxisType.Auto,))
+    sharding = NamedSharding(mesh, SEED)
+    return partial(jax.shard_map, mesh=mesh, out_specs=SEED, check_vma=False), lambda tree: jax.device_put(tree, sharding)
 
 
 def _shards(num_seeds: int) -> int:

@@ -16,7 +16,7 @@ from aircl_jax.config import Coefficients, Scalar, TrainConfig
 from aircl_jax.metrics import evaluate
 from aircl_jax.networks import make_networks
 from aircl_jax.plan import Plan
-from aircl_jax.seeds import make_runner
+from aircl_jax.seeds import make_evaluator, make_runner
 from aircl_jax.train import Trainer, make_trainer
 from aircl_jax.types import Metrics, TrainState, Trajectory
 
@@ -47,7 +47,7 @@ def sweep(plan: Plan, coefficient: str, values: Sequence[float]) -> dict[str, Fl
         length = min(plan.config.chunk, left)
         states, _ = runner.run_chunk(states, given, length)
         left -= length
-    judge = jax.jit(jax.vmap(partial(_evaluate, plan, coefficient), in_axes=(0, 0, None)))
+    judge = make_evaluator(partial(_evaluate, plan, coefficient), len(plan.seeds) * len(values))
     found = jax.device_get(judge(states, given, reference))
     return {name: np.asarray(metric).reshape(len(values), len(plan.seeds)) for name, metric in found.items()}
 

@@ -20,30 +20,30 @@ class Spring(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """Axes: B links, V joints, A motors, C capsule ends that may touch the floor, X = V + B + C points."""
+    """Axes: B links, V joints, A motors, C capsule ends that may touch the floor, X = V + B + C points, 1 for environments."""
 
-    angle: np.ndarray  # [V, B]: φ = (qpos − qpos0) · angle
-    place: np.ndarray  # [2B, 2X]: hinges, centres of mass, ends, from the root (m) = [cos φ, sin φ] · place
-    slide: np.ndarray  # [2, V]: the directions of the sliding joints
-    turn: np.ndarray  # [V]: ±1 for a hinge, 0 for a slide
+    angle: np.ndarray  # [B, V]: φ = angle · (qpos − qpos0)
+    place: np.ndarray  # [2X, 2B]: hinges, centres of mass, ends, from the root (m) = place · [cos φ, sin φ]
+    slide: np.ndarray  # [2, V, 1]: the directions of the sliding joints
+    turn: np.ndarray  # [V, 1]: ±1 for a hinge, 0 for a slide
     moves: np.ndarray  # [V, B]: 1 where the joint moves the link
     moves_end: np.ndarray  # [V, C]
-    above: np.ndarray  # [V, V]: [j, i] is 1 where joint i moves joint j, or is it
-    qpos0: np.ndarray  # [V] m, rad
+    pairs: tuple[tuple[int, int], ...]  # (j, i), i ≤ j: joint i moves joint j, or is it
+    qpos0: np.ndarray  # [V, 1] m, rad
     height: np.ndarray  # [] m, of the root above the floor at qpos0
-    mass: np.ndarray  # [B] kg
-    inertia: np.ndarray  # [B] kg m², about the centre of mass
-    armature: np.ndarray  # [V] kg, kg m²
-    damping: np.ndarray  # [V] N s/m, N m s
-    motor: np.ndarray  # [A, V]: N, N m per unit of action
+    mass: np.ndarray  # [B, 1] kg
+    inertia: np.ndarray  # [B, 1] kg m², about the centre of mass
+    armature: np.ndarray  # [V, 1] kg, kg m²
+    damping: np.ndarray  # [V, 1] N s/m, N m s
+    motor: np.ndarray  # [V, A]: N, N m per unit of action
     gravity: np.ndarray  # [2] m/s²
-    drag: np.ndarray  # [2, 3, B]: linear and quadratic drag along a link, across it, against turning
-    low: np.ndarray  # [V] m, rad; −∞ without a limit
-    high: np.ndarray  # [V]
-    limit_mass: np.ndarray  # [V] kg, kg m²: what a limit pushes against
-    radius: np.ndarray  # [C] m
-    friction: np.ndarray  # [C]
-    contact_mass: np.ndarray  # [C] kg: what an edge of the friction pyramid pushes against
+    drag: np.ndarray  # [2, 3, B, 1]: linear and quadratic drag along a link, across it, against turning
+    low: np.ndarray  # [V, 1] m, rad; −∞ without a limit
+    high: np.ndarray  # [V, 1]
+    limit_mass: np.ndarray  # [V, 1] kg, kg m²: what a limit pushes against
+    radius: np.ndarray  # [C, 1] m
+    friction: np.ndarray  # [C, 1]
+    contact_mass: np.ndarray  # [C, 1] kg: what an edge of the friction pyramid pushes against
     limit: Spring
     contact: Spring
 
@@ -81,39 +81,39 @@ def chain_of(model: Any) -> Chain:
     inertia, drag = _shape(model, plane)
     touching = _ends(model, plane, origin)
     chain = Chain(
-        angle=turn[:, None] * moves,
+        angle=(turn[:, None] * moves).T,
         place=_rotating(np.concatenate([anchor, centre, touching["end"]])),
-        slide=np.where(hinge, 0.0, model.jnt_axis[:, plane.axes].T),
-        turn=turn,
+        slide=np.where(hinge, 0.0, model.jnt_axis[:, plane.axes].T)[..., None],
+        turn=turn[:, None],
         moves=moves,
         moves_end=moves[:, touching["link"]],
-        above=np.tril(moves[:, model.jnt_bodyid - 1].T),
-        qpos0=model.qpos0,
+        pairs=tuple((int(j), int(i)) for j, i in np.argwhere(np.tril(moves[:, model.jnt_bodyid - 1].T))),
+        qpos0=model.qpos0[:, None],
         height=model.body_pos[1, plane.axes[1]],
-        mass=model.body_mass[1:],
-        inertia=inertia,
-        armature=model.dof_armature,
-        damping=model.dof_damping,
-        motor=motor,
+        mass=model.body_mass[1:, None],
+        inertia=inertia[:, None],
+        armature=model.dof_armature[:, None],
+        damping=model.dof_damping[:, None],
+        motor=motor.T,
         gravity=model.opt.gravity[plane.axes],
-        drag=drag,
-        low=np.where(limited, model.jnt_range[:, 0], -np.inf),
-        high=np.where(limited, model.jnt_range[:, 1], np.inf),
-        limit_mass=1 / model.dof_invweight0,
-        radius=touching["radius"],
-        friction=touching["friction"],
-        contact_mass=touching["mass"],
+        drag=drag[..., None],
+        low=np.where(limited, model.jnt_range[:, 0], -np.inf)[:, None],
+        high=np.where(limited, model.jnt_range[:, 1], np.inf)[:, None],
+        limit_mass=1 / model.dof_invweight0[:, None],
+        radius=touching["radius"][:, None],
+        friction=touching["friction"][:, None],
+        contact_mass=touching["mass"][:, None],
         limit=_spring(model, model.jnt_solref[limited][0], model.jnt_solimp[limited][0]),
         contact=_spring(model, model.geom_solref[0], model.geom_solimp[0]),
     )
-    return chain._replace(**{k: np.float32(v) for k, v in chain._asdict().items() if not isinstance(v, Spring)})
+    return chain._replace(**{k: np.float32(v) for k, v in chain._asdict().items() if not isinstance(v, tuple)})
 
 
 def _rotating(offset: np.ndarray) -> np.ndarray:
-    """Σ_k R(φ_k) offset[x, k] as [cos φ, sin φ] · a matrix [2B, 2X]."""
+    """Σ_k R(φ_k) offset[x, k] as a matrix [2X, 2B] · [cos φ, sin φ]."""
     quarter_turn = np.stack([-offset[..., 1], offset[..., 0]], axis=-1)
     both = np.concatenate([offset, quarter_turn], axis=1)
-    return both.transpose(1, 2, 0).reshape(both.shape[1], -1)
+    return both.transpose(2, 0, 1).reshape(-1, both.shape[1])
 
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:

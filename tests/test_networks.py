@@ -7,7 +7,7 @@ import pytest
 from tiny import TINY, one_state_env, random_trajectories, tiny_grid, tiny_networks, unit_stats
 
 from aircl_jax.methods import METHODS
-from aircl_jax.modules import ENCODERS, smooth_minimum
+from aircl_jax.modules import ENCODERS, running_sum, smooth_minimum
 from aircl_jax.networks import OBS_CLIP, make_networks
 from aircl_jax.types import ObsStats
 from envs import Box, make_env
@@ -31,6 +31,12 @@ def test_linear_feasibility_is_blind_to_order():
     visits = np.eye(9)[[0, 1, 2, 3]]
     one, other = (sequence_logit("attention", x, method="aircl_linear") for x in (visits, visits[[0, 2, 1, 3]]))
     np.testing.assert_allclose(one, other, rtol=1e-6)
+
+
+@pytest.mark.parametrize("length", [1, 19, 20, 50, 500])
+def test_the_running_sum_is_numpys(length):
+    x = np.random.default_rng(0).lognormal(sigma=3.0, size=(length, 3))
+    np.testing.assert_allclose(running_sum(jnp.float32(x)), x.cumsum(axis=0), rtol=1e-5)
 
 
 @pytest.mark.parametrize("encoder", ENCODERS)
