@@ -66,6 +66,7 @@ class TrainConfig:
     reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded f runs away; 0: none
     constraint_input: Literal["env", "state", "action", "state_action"] = "env"  # of δ̄; env: as the environment says
     warm_start: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
+    warm_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
     waiting: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn to judge a clone before it moves
     annealing: int = 0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
     temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
@@ -151,7 +152,8 @@ def _tuned_robot(row: TrainConfig) -> TrainConfig:
 _WALKER = _tuned_robot(_ROBOT)
 _TUNED_WALKER = replace(
     _WALKER,
-    warm_start=120,
+    warm_start=40,
+    warm_minibatch_size=500,  # half the time of 120 passes in batches of 2500, and a greater likelihood
     temperature=0.1,
     reward_bound=20.0,
     constraint_input="action",

@@ -48,7 +48,12 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         params = untrained
         if config.warm_start:
             key, key_clone = jax.random.split(key)
-            passes = replace(config.ppo, num_epochs=config.warm_start, learning_rate=WARM_RATE)
+            passes = replace(
+                config.ppo,
+                num_epochs=config.warm_start,
+                minibatch_size=config.warm_minibatch_size,
+                learning_rate=WARM_RATE,
+            )
             params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, key_clone, passes)
         return TrainState(
             params=params,
