@@ -51,9 +51,11 @@ def auroc(score: Float[Array, " N"], positive: Float[Array, " N"], negative: Flo
     """P(score of a positive > score of a negative), ties counted half, both weighted; NaN where one label is missing."""
     order = jnp.argsort(score)
     ranked = score[order]
-    below = jnp.append(0.0, jnp.cumsum(negative[order] / negative.sum()))
-    left, right = (below[jnp.searchsorted(ranked, score, side, method="sort")] for side in ("left", "right"))
-    return (positive / positive.sum() * 0.5 * (left + right)).sum()
+    up_to = jnp.cumsum(negative[order] / negative.sum())
+    new = jnp.append(True, ranked[1:] != ranked[:-1])  # the first of each group of ties
+    below = jax.lax.cummax(jnp.where(new, jnp.append(0.0, up_to[:-1]), 0.0))
+    below_or_tied = jax.lax.cummin(jnp.where(jnp.append(new[1:], True), up_to, 1.0), reverse=True)
+    return (positive[order] / positive.sum() * 0.5 * (below + below_or_tied)).sum()
 
 
 def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Array, "*B"]) -> Float[Array, ""]:
