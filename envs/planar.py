@@ -96,10 +96,10 @@ def diagonal(chain: Chain, values: Float[Array | np.ndarray, "V #N"]) -> Float[A
 def times(chain: Chain, matrix: Entries, vector: Joints) -> Joints:
     """matrix · vector."""
     joints = range(chain.turn.size)
-    lower = np.array([[float(j == joint) for j, _ in chain.pairs] for joint in joints])
-    upper = np.array([[float(i == joint != j) for j, i in chain.pairs] for joint in joints])
+    lower = jnp.array([[float(j == joint) for j, _ in chain.pairs] for joint in joints])
+    upper = jnp.array([[float(i == joint != j) for j, i in chain.pairs] for joint in joints])
     below, above = np.array(chain.pairs).T
-    return jnp.float32(lower) @ (matrix * vector[above]) + jnp.float32(upper) @ (matrix * vector[below])
+    return lower @ (matrix * vector[above]) + upper @ (matrix * vector[below])
 
 
 def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, "A N"]) -> Joints:
@@ -116,7 +116,7 @@ def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, "A N
         drag = -(chain.drag[0] + chain.drag[1] * jnp.abs(local)) * local
         u, v = u + at.cos * drag[0] - at.sin * drag[1], v + at.sin * drag[0] + at.cos * drag[1]
         moment = drag[2]
-    return chain.motor @ action - chain.damping * qvel + feel(at, chain.moves, at.centre, (u, v, moment))
+    return jnp.asarray(chain.motor) @ action - chain.damping * qvel + feel(at, chain.moves, at.centre, (u, v, moment))
 
 
 def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
@@ -124,8 +124,8 @@ def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
     low, high = qpos - chain.low, chain.high - qpos
     side = jnp.where(low < high, 1.0, -1.0)
     stop, stop_pull = _soften(chain.limit, jnp.minimum(low, high), chain.limit_mass)
-    rise = (chain.slide[1] * (qpos - chain.qpos0)).sum(axis=0)
-    gap = at.end[1] + rise + chain.height - chain.radius
+    lifted = (chain.slide[1] * (qpos - chain.qpos0)).sum(axis=0)
+    gap = at.end[1] + lifted + chain.height - chain.radius
     point = jnp.stack([at.end[0], at.end[1] - chain.radius - gap / 2])  # the middle of the overlap
     hold, pull = _soften(chain.contact, gap, chain.contact_mass)
     slip, rise, _ = move(at, chain.moves_end, point, qvel)
@@ -136,7 +136,7 @@ def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
         point=point,
         hold=hold,
         rise_want=pull - chain.contact.damping * rise,
-        slip_want=-chain.contact.damping * chain.friction * slip,
+        slip_want=-chain.contact.damping * jnp.asarray(chain.friction) * slip,
     )
 
 
@@ -154,7 +154,7 @@ def _soften(spring: Spring, distance: Points, mass: np.ndarray) -> tuple[Points,
 
 def constrain(chain: Chain, at: Pose, rows: Rows, mass: Entries, force: Joints, guess: Joints, iterations: int) -> Joints:
     """argmin_q̈ ½|q̈ − M⁻¹force|²_M + ½ Σ_r D_r min(J_r q̈ − want_r, 0)² by Newton steps over the rows that push."""
-    wider = chain.friction
+    wider = jnp.asarray(chain.friction)
 
     def newton_step(_: Any, qacc: Joints) -> Joints:
         pushing = jnp.where(rows.side * qacc < rows.stop_want, rows.stop, 0.0)
@@ -243,25 +243,26 @@ def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int
     return _of_one(many)
 
 
-def _of_one(many: Callable[..., tuple[Array, ...]]) -> Callable[..., tuple[Array, ...]]:
+def _of_one(many: Callable[..., tuple[Array, Array]]) -> Callable[..., tuple[Array, Array]]:
     """A function of arrays [..., N] as one of an environment's; a `vmap` of it calls `many` and keeps environments last.
 
     A plain `vmap` would put them first. The rule knows no reverse mode, so derivatives are those of `many` at N = 1.
     """
 
-    def plain(*inputs: Array) -> tuple[Array, ...]:
-        return tuple(result[..., 0] for result in many(*(one[..., None] for one in inputs)))
+    def plain(*inputs: Array) -> tuple[Array, Array]:
+        qpos, qvel = many(*(one[..., None] for one in inputs))
+        return qpos[..., 0], qvel[..., 0]
 
     batched = jax.custom_batching.custom_vmap(plain)
 
     @batched.def_vmap
-    def _(size: int, is_batched: list[bool], *inputs: Array) -> tuple[tuple[Array, ...], tuple[bool, ...]]:
+    def _(size: int, is_batched: list[bool], *inputs: Array) -> tuple[tuple[Array, Array], tuple[bool, bool]]:
         last = [
             jnp.moveaxis(one, 0, -1) if along else jnp.broadcast_to(one[..., None], (*one.shape, size))
             for one, along in zip(inputs, is_batched, strict=True)
         ]
-        results = tuple(jnp.moveaxis(result, -1, 0) for result in many(*last))
-        return results, (True,) * len(results)
+        qpos, qvel = many(*last)
+        return (jnp.moveaxis(qpos, -1, 0), jnp.moveaxis(qvel, -1, 0)), (True, True)
 
     physics = jax.custom_jvp(batched)
     physics.defjvp(lambda primals, tangents: jax.jvp(plain, primals, tangents))
