@@ -14,7 +14,7 @@ HIDDEN_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal"
 ADDITIVE_INIT = nn.initializers.variance_scaling(2.0, "fan_in", "truncated_normal", in_axis=1, out_axis=2, batch_axis=0)
 ADDITIVE_SCALE = 3.0  # walls are sharper than the spread of the demonstrations
 KEY_BOUND = 8.0  # of the attention's log weights: e^8 outweighs 500 steps, and its sums stay exact in float32
-SUM_BLOCK = 20  # steps
+SUM_BLOCK = 20  # steps; longer blocks add more zeros, shorter ones leave more blocks to sum
 SEQUENCE_BIAS = 1.0  # initial logit of both factors: what is done is feasible until something speaks against it
 
 

@@ -15,11 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from envs.planar_matrix import Entries, Joints, diagonal, solve, times
 from envs.planar_model import Chain, Spring, chain_of
 
-Joints = Float[Array, "V N"]
 Points = Float[Array, "X N"]
-Entries = Float[Array, "P N"]  # of a symmetric matrix over joints: those of `Chain.pairs`, all others are 0
 Physics = Callable[
     [Float[Array, " V"], Float[Array, " V"], Float[Array, " A"]],
     tuple[Float[Array, " V"], Float[Array, " V"]],
@@ -85,21 +84,6 @@ def stiff(
     below, above = np.array(chain.pairs).T
     first, second, third = (force[below] * column[above] for force, column in zip(pushed, at.columns, strict=True))
     return first + second + third
-
-
-def diagonal(chain: Chain, values: Float[Array | np.ndarray, "V #N"]) -> Float[Array, "P #N"]:
-    """The matrix with these values on its diagonal."""
-    on = [[float(j == i == joint) for joint in range(chain.turn.size)] for j, i in chain.pairs]
-    return jnp.array(on) @ values
-
-
-def times(chain: Chain, matrix: Entries, vector: Joints) -> Joints:
-    """matrix · vector."""
-    joints = range(chain.turn.size)
-    lower = jnp.array([[float(j == joint) for j, _ in chain.pairs] for joint in joints])
-    upper = jnp.array([[float(i == joint != j) for j, i in chain.pairs] for joint in joints])
-    below, above = np.array(chain.pairs).T
-    return lower @ (matrix * vector[above]) + upper @ (matrix * vector[below])
 
 
 def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, "A N"]) -> Joints:
@@ -174,24 +158,6 @@ def constrain(chain: Chain, at: Pose, rows: Rows, mass: Entries, force: Joints, 
         return solve(chain, hessian, right)
 
     return jax.lax.fori_loop(0, iterations, newton_step, guess)
-
-
-def solve(chain: Chain, matrix: Entries, vector: Joints) -> Joints:
-    """matrix⁻¹ vector, eliminated from the leaves so that nothing fills in (Featherstone, section 6.5), in scalars."""
-    left, right = dict(zip(chain.pairs, matrix, strict=True)), list(vector)
-    above = [[i for j, i in chain.pairs if j == k != i] for k in range(len(right))]
-    inverse = {}
-    for k in reversed(range(len(right))):
-        inverse[k] = 1 / left[k, k]
-        for i in above[k]:
-            ratio = left[k, i] * inverse[k]
-            for j in [*above[i], i]:
-                left[i, j] = left[i, j] - ratio * left[k, j]
-            right[i] = right[i] - ratio * right[k]
-    answer: list[Float[Array, " N"]] = []
-    for k, known in enumerate(right):
-        answer.append((known - sum(left[k, i] * answer[i] for i in above[k])) * inverse[k])
-    return jnp.stack(answer)
 
 
 def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int) -> Physics:
