@@ -4,43 +4,68 @@ Names are loaded at their first use, so that `import aircl_jax` is fast and `run
 """
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from aircl_jax.api import Result, load, train
+    from aircl_jax.algorithm.masks import mean_over_steps
+    from aircl_jax.algorithm.terms.table import TERMS
+    from aircl_jax.algorithm.trainer import make_trainer
+    from aircl_jax.api import load, train
+    from aircl_jax.demonstrations.files import from_arrays
+    from aircl_jax.demonstrations.soft_optimal import occupancy, soft_value_iteration
+    from aircl_jax.demonstrations.sources import load_shipped as load_demonstrations
+    from aircl_jax.figures.of_a_run import figures_of
     from aircl_jax.methods import METHODS
-    from aircl_jax.train import make_trainer
+    from aircl_jax.runs.metrics_log import read_metrics
+    from aircl_jax.runs.result import Result
+    from aircl_jax.runs.sweep import sweep
     from envs import ENVS, make_env
 
 _HOMES = {
-    "ENVS": "envs",
-    "METHODS": "aircl_jax.methods",
-    "Result": "aircl_jax.api",
-    "load": "aircl_jax.api",
-    "make_env": "envs",
-    "make_trainer": "aircl_jax.train",
-    "train": "aircl_jax.api",
+    "ENVS": "envs:ENVS",
+    "METHODS": "aircl_jax.methods:METHODS",
+    "TERMS": "aircl_jax.algorithm.terms.table:TERMS",
+    "Result": "aircl_jax.runs.result:Result",
+    "figures_of": "aircl_jax.figures.of_a_run:figures_of",
+    "from_arrays": "aircl_jax.demonstrations.files:from_arrays",
+    "load": "aircl_jax.api:load",
+    "load_demonstrations": "aircl_jax.demonstrations.sources:load_shipped",
+    "make_env": "envs:make_env",
+    "make_trainer": "aircl_jax.algorithm.trainer:make_trainer",
+    "mean_over_steps": "aircl_jax.algorithm.masks:mean_over_steps",
+    "occupancy": "aircl_jax.demonstrations.soft_optimal:occupancy",
+    "read_metrics": "aircl_jax.runs.metrics_log:read_metrics",
+    "soft_value_iteration": "aircl_jax.demonstrations.soft_optimal:soft_value_iteration",
+    "sweep": "aircl_jax.runs.sweep:sweep",
+    "train": "aircl_jax.api:train",
 }
 
-__all__ = ["ENVS", "METHODS", "Result", "load", "make_env", "make_trainer", "train"]
+__all__ = [
+    "ENVS",
+    "METHODS",
+    "TERMS",
+    "Result",
+    "figures_of",
+    "from_arrays",
+    "load",
+    "load_demonstrations",
+    "make_env",
+    "make_trainer",
+    "mean_over_steps",
+    "occupancy",
+    "read_metrics",
+    "soft_value_iteration",
+    "sweep",
+    "train",
+]
 
 
-class _Package(ModuleType):
-    """`aircl_jax.train` is the function; importing the submodule of that name must not put the module in its place."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name == "train" and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in _HOMES:
-            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        return getattr(importlib.import_module(_HOMES[name]), name)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *_HOMES})
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, _, attribute = _HOMES[name].partition(":")
+    return getattr(importlib.import_module(module), attribute)
 
 
-sys.modules[__name__].__class__ = _Package
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -2,72 +2,30 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float, Shaped
 
-from aircl_jax import experts, report, runs
-from aircl_jax.alarms import alarms
-from aircl_jax.config import TrainConfig
-from aircl_jax.feasibility import log_feasibility, log_step_feasibility
-from aircl_jax.metrics import evaluate as evaluate_seed
-from aircl_jax.networks import Networks, make_networks
-from aircl_jax.plan import Plan, make_plan, planned
-from aircl_jax.seeds import make_evaluator, make_runner, seed_keys
-from aircl_jax.session import Progress, Row, Stopwatch, run_session
-from aircl_jax.train import make_trainer
+from aircl_jax.algorithm.evaluation import evaluate as evaluate_seed
+from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.demonstrations import sources
+from aircl_jax.model.networks import Networks, make_networks
+from aircl_jax.reports import run_report
+from aircl_jax.reports.alarms import alarms
+from aircl_jax.reports.summary import summarise
+from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
+from aircl_jax.runs.loop import Progress, Row, Stopwatch, run_session
+from aircl_jax.runs.metrics_log import read_metrics, stack
+from aircl_jax.runs.result import Result
+from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
+from aircl_jax.runs.spec import Plan, make_plan, planned
+from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
-from envs.data_source import command_prefix
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What training left: the summary, every iteration's metrics, and the learned functions of each seed."""
-
-    summary: Mapping[str, Any]  # as in summary.json
-    alarms: list[str]  # sentences on what looks degenerate
-    history: Mapping[str, np.ndarray]  # {metric: [iterations, S]}, NaN where undefined
-    plan: Plan
-    networks: Networks
-    states: TrainState  # [S, …]
-    expert: Trajectory  # D_E, [S, N, T, …]
-    reference: Trajectory  # the environment's reference set, [M, T, …]
-    run_dir: Path | None
-
-    def state(self, index: int = 0) -> TrainState:
-        """The final state of the seed at this place of `summary["seeds"]`."""
-        return jax.tree.map(lambda leaf: leaf[index], self.states)
-
-    def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"], index: int = 0) -> Float[Array, ""]:
-        """The learned f_θ(s, a). Raises ValueError where the method learns none."""
-        if not self.networks.method.learns_reward:
-            raise ValueError(f"method={self.plan.method_name} learns no reward; choose one that does")
-        state = self.state(index)
-        return self.networks.reward(state.params.reward, state.obs_stats, obs, action)
-
-    def feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, ""]:
-        """The learned δ̄_φ(τ) of one trajectory, between 0 and 1."""
-        state = self.state(index)
-        scores = self.networks.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
-        return jnp.exp(log_feasibility(self.networks.method, self.networks.config.coefficients, scores))
-
-    def step_feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, " T"]:
-        """The learned δ₁ of each step of one trajectory; 1 where the method has no such factor."""
-        state = self.state(index)
-        scores = self.networks.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
-        return jnp.exp(log_step_feasibility(self.networks.method, self.networks.config.coefficients, scores))
-
-    def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
-        """The learned π_ω(·|s_t), a distrax distribution over actions."""
-        state = self.state(index)
-        return self.networks.policy(state.params.policy, state.obs_stats, obs, jnp.asarray(t))
+from envs.animals.data_folder import command_prefix
 
 
 def train(
@@ -109,7 +67,7 @@ def train(
     )
     directory = None
     if run_dir is not None:
-        directory = runs.open_run(Path(run_dir), plan.settings, plan.config.chunk, runs.existing(resume, overwrite))
+        directory = open_run(Path(run_dir), plan.settings, plan.config.chunk, existing(resume, overwrite))
     return _train(plan, directory, command, on_progress)
 
 
@@ -121,7 +79,7 @@ def load(run_dir: str | Path) -> Result:
     Raises:
         ValueError: in one line, where there is no run, or none that this version can read.
     """
-    directory = runs.open_saved(Path(run_dir))
+    directory = open_saved(Path(run_dir))
     plan = planned({**directory.settings, "iterations": directory.start})
     networks = make_networks(plan.env, plan.method, plan.config)
     expert, reference = _demonstrations(plan)
@@ -130,11 +88,11 @@ def load(run_dir: str | Path) -> Result:
     if directory.finished:
         summary = directory.summary()
     else:
-        summary = report.summarise(plan, _evaluator(networks, expert, reference)(states), directory.timing())
+        summary = summarise(plan, _evaluator(networks, expert, reference)(states), directory.timing())
     return _result(plan, networks, states, expert, reference, summary, directory, [])
 
 
-def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_progress: Callable[[Progress], None]) -> Result:
+def _train(plan: Plan, directory: RunDirectory | None, command: str, on_progress: Callable[[Progress], None]) -> Result:
     stopwatch = Stopwatch()
     runner = make_runner(make_trainer(plan.env, plan.method, plan.config), plan.seeds)
     networks = make_networks(plan.env, plan.method, plan.config)
@@ -157,16 +115,17 @@ def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_pro
                 stopwatch=stopwatch,
                 on_progress=on_progress,
             )
-        summary = report.summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
+        summary = summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
         result = _result(plan, networks, states, expert, reference, summary, directory, session.rows)
         if directory:
-            from aircl_jax import plots, preferences
+            from aircl_jax.figures import of_a_run
+            from aircl_jax.reports.recovered_words import reading
 
-            figures = plots.write_figures(result, directory.path / runs.FIGURES)
-            reading = preferences.reading(result)
+            figures = of_a_run.write_figures(result, directory.path / FIGURES)
+            words = reading(result)
             if command:
                 command = command_prefix(plan.env_settings.get("data"), plan.env.simulated) + command
-            directory.write_report(report.report(summary, result.alarms, figures, command, reading))
+            directory.write_report(run_report.report(summary, result.alarms, figures, command, words))
             directory.write_summary(summary)
     return result
 
@@ -174,10 +133,10 @@ def _train(plan: Plan, directory: runs.RunDirectory | None, command: str, on_pro
 def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
     """D_E of every seed, [S, N, T, …], and the reference set: the world's, that beside one's own file, or else D_E itself."""
     if plan.own is None:
-        return experts.demonstrations(plan.env, plan.seeds, plan.config)
+        return sources.demonstrations(plan.env, plan.seeds, plan.config)
     shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
     if any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations)):
-        return shared, experts.demonstrations(plan.env, plan.seeds, plan.config)[1]
+        return shared, sources.demonstrations(plan.env, plan.seeds, plan.config)[1]
     return shared, plan.own if plan.reference is None else plan.reference
 
 
@@ -194,14 +153,14 @@ def _result(
     expert: Trajectory,
     reference: Trajectory,
     summary: Mapping[str, Any],
-    directory: runs.RunDirectory | None,
+    directory: RunDirectory | None,
     rows: Sequence[Row],
 ) -> Result:
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
         alarms=alarms(summary["seeds"], per_seed),
-        history=runs.read_metrics(directory.path) if directory else runs.stack(rows),
+        history=read_metrics(directory.path) if directory else stack(rows),
         plan=plan,
         networks=networks,
         states=states,

@@ -38,7 +38,7 @@ class NonMarkovOptions:
 class RobotOptions:
     """Settings shared by the MuJoCo bodies. Raises ValueError on a value that no body can have."""
 
-    constraint: str = "torque"  # a name in envs.constraints.CONSTRAINTS: torque, position, none, or one of your own
+    constraint: str = "torque"  # a name in envs.robots.constraints.CONSTRAINTS: torque, position, none, or one of your own
     limit: float | str = "default"  # threshold of the constraint; the benchmark's where it says default
     noise: float = 0.001  # standard deviation of the noise on qpos and qvel after each control step
     terminate: bool = False  # Gymnasium's early end instead of a fixed horizon
@@ -74,8 +74,8 @@ class MeerkatOptions:
     """Tables of meerkat tracks, or of any animal with a mapping; the simulated mob where there are none."""
 
     data: str = "default"  # folder of tables; default: that of the variable AIRCL_DATA, else simulated; simulated
-    mapping: str = "meerkat"  # which column is which: a name in envs/mappings, or a YAML file
-    coding: Literal["bout", "step"] = "bout"  # what becomes "moving to a place"; envs.windows.code_rows
+    mapping: str = "meerkat"  # which column is which: a name in envs/animals/mappings, or a YAML file
+    coding: Literal["bout", "step"] = "bout"  # what becomes "moving to a place"; envs.animals.windows.code_rows
     state: Literal["code", "place"] = "code"  # place: the place and the counts of close and distant neighbours
     pups: bool = False  # also the animals whose behaviour was not annotated, with a code of their own
     horizon: int = 30  # steps of one row (1 s); Table 2

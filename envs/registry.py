@@ -18,11 +18,11 @@ class EnvRow:
 ENVS: dict[str, EnvRow] = {
     "gridworld": EnvRow(options.GridOptions, "envs.gridworld:make_gridworld"),
     "nonmarkov": EnvRow(options.NonMarkovOptions, "envs.gridworld:make_nonmarkov"),
-    "swimmer": EnvRow(options.RobotOptions, "envs.mjx:make_swimmer"),
-    "walker": EnvRow(options.RobotOptions, "envs.mjx:make_walker"),
-    "pendulum": EnvRow(options.PendulumOptions, "envs.mjx:make_pendulum"),
-    "meerkat": EnvRow(options.MeerkatOptions, "envs.meerkat:make_meerkat"),
-    "labyrinth": EnvRow(options.LabyrinthOptions, "envs.labyrinth:make_labyrinth"),
+    "swimmer": EnvRow(options.RobotOptions, "envs.robots.robot:make_swimmer"),
+    "walker": EnvRow(options.RobotOptions, "envs.robots.robot:make_walker"),
+    "pendulum": EnvRow(options.PendulumOptions, "envs.robots.robot:make_pendulum"),
+    "meerkat": EnvRow(options.MeerkatOptions, "envs.animals.meerkat:make_meerkat"),
+    "labyrinth": EnvRow(options.LabyrinthOptions, "envs.animals.labyrinth:make_labyrinth"),
 }
 
 

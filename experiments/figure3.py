@@ -12,12 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from aircl_jax import runtime
-
-runtime.prepare()  # before anything imports jax
-
-from experiments.arguments import parse  # noqa: E402
-from experiments.paper import COLUMNS  # noqa: E402
+from experiments.cli.words import parse
+from experiments.shared.paper import COLUMNS
 
 
 @dataclass(frozen=True)
@@ -43,9 +39,12 @@ def draw(settings: Settings, command: str) -> Path:
     """The figures and figure3.md of the runs that are there. Raises ValueError where there is none."""
     import matplotlib as mpl
 
-    from aircl_jax import load, plots_coordinates, plots_tasks
-    from aircl_jax.evidence import gather
-    from aircl_jax.plots_style import DPI, STYLE
+    from aircl_jax import load
+    from aircl_jax.analysis.coordinate_contributions import contributions, is_additive
+    from aircl_jax.analysis.episodes import gather
+    from aircl_jax.figures import tasks
+    from aircl_jax.figures.robots.coordinate_curves import by_coordinate
+    from aircl_jax.figures.style import DPI, STYLE
 
     places = {env: Path(settings.runs) / env / settings.method for env in COLUMNS}
     there = {env: place for env, place in places.items() if place.is_dir()}
@@ -57,10 +56,10 @@ def draw(settings: Settings, command: str) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     lines = ["# The tasks, demonstrated and learned", "", f"`{command}`", ""]
     with mpl.rc_context(STYLE):
-        drawings = {"figure3": plots_tasks.tasks(results)}
+        drawings = {"figure3": tasks.tasks(results)}
         for env, result in results.items():
-            if plots_coordinates.is_additive(result):
-                drawings[f"constraint_{env}"] = plots_coordinates.by_coordinate(result, gather(result).policy)
+            if is_additive(result):
+                drawings[f"constraint_{env}"] = by_coordinate(result, contributions(result, gather(result).policy))
         for name, drawing in drawings.items():
             drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
             lines += [f"![{name}]({name}.png)", "", drawing.caption, ""]

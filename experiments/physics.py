@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax import runtime
-from experiments.arguments import listed, parse
+from experiments.cli.words import listed, parse
 
 BODIES = ("swimmer", "walker", "pendulum")
 ENVS_AT_ONCE, STEPS, REPEATS = 500, 100, 5
@@ -94,8 +94,8 @@ def deviation(name: str, engine: str, integrator: str, episodes: int = 20) -> fl
     import jax.numpy as jnp
     import numpy as np
 
-    from envs.mjx import ENGINES, compile_model
-    from envs.tasks import ROBOTS
+    from envs.robots.robot import ENGINES, compile_model
+    from envs.robots.tasks import ROBOTS
 
     mujoco: Any = importlib.import_module("mujoco")
     robot, generator = ROBOTS[name], np.random.default_rng(0)

@@ -11,14 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aircl_jax import runtime
-
-runtime.prepare()  # before anything imports jax
-
-from aircl_jax import METHODS, train  # noqa: E402
-from experiments.arguments import SEEDS, parse, refuse_short_runs  # noqa: E402
-from experiments.commits import current_commit  # noqa: E402
-from experiments.comparison import each, spread  # noqa: E402
+from aircl_jax import METHODS, train
+from experiments.cli.words import SEEDS, parse, refuse_short_runs
+from experiments.shared.commits import current_commit
+from experiments.shared.paired_tests import each, spread
 
 # Five random obstacles each, drawn once: numpy.random.default_rng(1) and (2), cells other than start and goal, redrawn
 # until a clean path of ten steps is left.

@@ -13,21 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from aircl_jax import runtime
+import matplotlib as mpl
+import numpy as np
 
-runtime.prepare()  # before anything imports jax
-
-import matplotlib as mpl  # noqa: E402
-import numpy as np  # noqa: E402
-
-from aircl_jax import plots_sweep, train  # noqa: E402
-from aircl_jax.plan import make_plan  # noqa: E402
-from aircl_jax.plots_style import DPI, STYLE  # noqa: E402
-from aircl_jax.sweeps import sweep  # noqa: E402
-from experiments.arguments import SEEDS, listed, parse, refuse_short_runs  # noqa: E402
-from experiments.cells import keep  # noqa: E402
-from experiments.commits import current_commit  # noqa: E402
-from experiments.comparison import spread  # noqa: E402
+from aircl_jax import train
+from aircl_jax.figures import sweep as sweep_figure
+from aircl_jax.figures.style import DPI, STYLE
+from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.sweep import sweep
+from experiments.cli.words import SEEDS, listed, parse, refuse_short_runs
+from experiments.shared.commits import current_commit
+from experiments.shared.kept_files import keep
+from experiments.shared.paired_tests import spread
 
 RESULTS = "results/sweeps"
 OF_THE_EXPERT = ("violation_rate_expert", "expert_goal_rate")  # what the rates are to be read beside
@@ -149,7 +146,7 @@ def write(out: Path) -> Path:
             continue
         found = json.loads(path.read_text())
         with mpl.rc_context(STYLE):
-            drawing = plots_sweep.draw(name, one.title, found)
+            drawing = sweep_figure.draw(name, one.title, found)
             drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
         lines += [f"`{found['command']}`, commit {found['commit']}", "", f"![{one.title}]({name}.png)", "", drawing.caption, ""]
         lines += table(found)
@@ -160,7 +157,7 @@ def write(out: Path) -> Path:
 
 def table(found: Mapping[str, Any]) -> list[str]:
     """A row a value."""
-    names = [name for name in (*plots_sweep.SHOWN, *OF_THE_EXPERT) if name in found["metrics"]]
+    names = [name for name in (*sweep_figure.SHOWN, *OF_THE_EXPERT) if name in found["metrics"]]
     lines = [f"| {found['setting']} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for place, value in enumerate(found["values"]):
         cells = [spread(found["metrics"][name][place], 3) for name in names]

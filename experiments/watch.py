@@ -12,11 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from aircl_jax import runtime
-
-runtime.prepare()  # before anything imports jax
-
-from experiments.arguments import parse  # noqa: E402
+from experiments.cli.words import parse
 
 
 @dataclass(frozen=True)
@@ -41,8 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def watch(settings: Settings) -> list[tuple[Path, str]]:
     """The two files, each with a sentence on it. Raises ValueError for what does not fit."""
-    from aircl_jax.runs import FIGURES, open_saved
-    from envs.tasks import ROBOTS
+    from aircl_jax.runs.directory import FIGURES, open_saved
+    from envs.robots.tasks import ROBOTS
 
     if not settings.run_dir:
         raise ValueError("run_dir is missing; give the directory of a run, as in run_dir=runs/swimmer/aircl_corrected")
@@ -68,14 +64,16 @@ def watch(settings: Settings) -> list[tuple[Path, str]]:
 def _write(run_dir: Path, index: int, episodes: int, out: Path) -> list[tuple[Path, str]]:
     import matplotlib as mpl
 
-    from aircl_jax import load, player, plots_film, watching
-    from aircl_jax.plots_style import DPI, STYLE
+    from aircl_jax import load
+    from aircl_jax.analysis import robot_scene
+    from aircl_jax.figures.robots import film_strip, player
+    from aircl_jax.figures.style import DPI, STYLE
 
-    scene = watching.gather(load(run_dir), index, episodes)
+    scene = robot_scene.gather(load(run_dir), index, episodes)
     film, page = out / "film_strip.png", out / "watch.html"
     page.write_text(player.page(scene), encoding="utf-8")
     with mpl.rc_context(STYLE):
-        drawing = plots_film.film_strip(scene)
+        drawing = film_strip.film_strip(scene)
         drawing.figure.savefig(film, dpi=DPI)
     number = len(scene.expert.length)
     return [(page, f"{number} episodes of demonstrations and policy; open it in a browser."), (film, drawing.caption)]

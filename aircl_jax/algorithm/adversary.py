@@ -1,0 +1,70 @@
+"""The adversary: what the discriminator says, one loss term per equation, and the update of θ and φ (lines 5 and 6).
+
+Every term is minimised; where the paper maximises an objective, the term is its negative. The true cost is never read, and
+the true reward only by the rows that know it (through `Scores.f`).
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, PRNGKeyArray
+
+from aircl_jax.algorithm.sampler import take
+from aircl_jax.algorithm.terms.logits import Batches
+from aircl_jax.algorithm.terms.table import TERMS
+from aircl_jax.model.networks import Networks
+from aircl_jax.settings.train_config import TrainConfig
+from aircl_jax.types import Metrics, ObsStats, Params, Trajectory
+
+
+def make_optimiser(config: TrainConfig) -> optax.GradientTransformation:
+    return optax.adam(config.adversary.learning_rate)
+
+
+def score_all(nets: Networks, params: Params, stats: ObsStats, batches: Batches) -> Batches:
+    """Scores of the four sets, each [N, …]; their `log_prob` is log π of the present policy."""
+    return Batches(*(jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, one, one.log_prob) for one in batches))
+
+
+def minibatch(batches: Batches, size: int, key: PRNGKeyArray) -> Batches:
+    """`size` trajectories of each set, drawn without replacement; the set itself where it holds no more."""
+
+    def some(one: Trajectory, key: PRNGKeyArray) -> Trajectory:
+        number = one.mask.shape[0]
+        return one if number <= size else take(one, jax.random.permutation(key, number)[:size])
+
+    return Batches(*map(some, batches, jax.random.split(key, len(batches))))
+
+
+def update(
+    nets: Networks, params: Params, opt_state: Any, stats: ObsStats, batches: Batches, key: PRNGKeyArray
+) -> tuple[Params, Any, Metrics]:
+    """Lines 5 and 6: `num_steps` Adam steps on the sum of the method's terms, θ and φ together; ω stands still."""
+    method, config = nets.method, nets.config
+    if not method.terms:
+        return params, opt_state, {}
+    optimiser = make_optimiser(config)
+    size = max(1, config.adversary.minibatch_size // nets.env.horizon)
+
+    along = jax.vmap(nets.log_pi, (None, None, 0))
+    batches = Batches(*(one._replace(log_prob=along(params, stats, one)) for one in batches))
+
+    def loss(trainable: tuple, batches: Batches) -> tuple[Array, Metrics]:
+        reward, feasibility = trainable
+        scores = score_all(nets, params._replace(reward=reward, feasibility=feasibility), stats, batches)
+        values = {name: TERMS[name](method, config, config.coefficients, scores) for name in method.terms}
+        return sum(values.values(), jnp.zeros(())), {f"loss_{name}": value for name, value in values.items()}
+
+    def one_step(carry: tuple, key_step: PRNGKeyArray) -> tuple[tuple, Metrics]:
+        trainable, opt_state = carry
+        grads, metrics = jax.grad(loss, has_aux=True)(trainable, minibatch(batches, size, key_step))
+        updates, opt_state = optimiser.update(grads, opt_state)
+        return (optax.apply_updates(trainable, updates), opt_state), metrics
+
+    start = ((params.reward, params.feasibility), opt_state)
+    keys = jax.random.split(key, config.adversary.num_steps)
+    ((reward, feasibility), opt_state), metrics = jax.lax.scan(one_step, start, keys)
+    last = {name: value[-1] for name, value in metrics.items()}
+    return params._replace(reward=reward, feasibility=feasibility), opt_state, last

@@ -1,0 +1,233 @@
+"""PPO-Lagrangian: max_π J_r(π) subject to J_c(π) ≤ d, on the true reward and cost (Ray et al. 2019)."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from aircl_jax.algorithm.learners import ppo
+from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.methods import Method
+from aircl_jax.model.networks import Networks, make_networks, project_log_std
+from aircl_jax.settings.lagrangian_config import LagrangianConfig
+from aircl_jax.settings.train_config import PPOConfig, TrainConfig
+from aircl_jax.types import Metrics, ObsStats, Params, Thresholds, Trajectory
+from envs import Env
+from envs.robots.practice_worlds import RESTART, restarting, weakened
+
+_TRUE_REWARD = Method(reward="true", judge="none", feasibility="none", terms=())
+
+
+class Moments(NamedTuple):
+    """Of all observations met in training: their number, mean, and Σ (s − mean)²."""
+
+    number: Float[Array, ""]
+    mean: Float[Array, " O"]
+    square: Float[Array, " O"]
+
+
+class LagrangianState(NamedTuple):
+    """All that training carries from one iteration to the next, of one seed."""
+
+    policy: Any
+    value: Any  # V_r
+    cost_value: Any  # V_c
+    opt: Any
+    multiplier: Float[Array, ""]  # λ
+    moments: Moments
+    key: PRNGKeyArray
+    step: Int[Array, ""]
+
+
+class Batch(NamedTuple):
+    """Single steps with their advantage and both critics' targets, [B, …]."""
+
+    obs: Float[Array, "B O"]
+    action: Float[Array, "B A"]
+    t: Int[Array, " B"]
+    log_prob: Float[Array, " B"]
+    advantage: Float[Array, " B"]
+    target: Float[Array, " B"]
+    cost_target: Float[Array, " B"]
+    mask: Float[Array, " B"]
+
+
+class Lagrangian(NamedTuple):
+    """`init(key) -> state`, `step(state, constrained) -> (state, metrics)`: pure, for one seed; `constrained` is 1 or 0."""
+
+    init: Callable[[PRNGKeyArray], LagrangianState]
+    step: Callable[[LagrangianState, Float[Array, ""]], tuple[LagrangianState, Metrics]]
+    nets: Networks
+
+
+def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
+    """PPO-Lagrangian's two functions; with `constrained` 0 it is plain PPO from `release` on."""
+    nets = make_networks(env, _TRUE_REWARD, TrainConfig(hidden=config.hidden, ppo=config.ppo))
+    optimiser = make_optimiser(config.ppo)
+
+    def init(key: PRNGKeyArray) -> LagrangianState:
+        key, key_reward, key_cost = jax.random.split(key, 3)
+        first, second = nets.init(key_reward), nets.init(key_cost)
+        trained = (first.policy, first.value, second.value)
+        zero, zeros = jnp.zeros(()), jnp.zeros(env.obs_size)
+        multiplier = jnp.asarray(config.multiplier_init, jnp.float32)
+        return LagrangianState(
+            *trained, optimiser.init(trained), multiplier, Moments(zero, zeros, zeros), key, zero.astype(jnp.int32)
+        )
+
+    def step(state: LagrangianState, constrained: Float[Array, ""]) -> tuple[LagrangianState, Metrics]:
+        key, key_rollout, key_update = jax.random.split(state.key, 3)
+        stats = observation_stats(state)
+        bound = (constrained > 0) | (state.step < config.release * config.iterations)
+        multiplier = jnp.where(bound, state.multiplier, 0.0)
+        motors = weakened(env, jnp.where(bound, config.motor_limit, jnp.inf)) if config.motor_limit else env
+        world = restarting(motors, config.fall_cost)
+        met = _unrestarted(rollouts(world, nets, acting_params(state), stats, key_rollout, config.num_trajectories))
+        batch = make_batch(nets, state, stats, met, multiplier, config)
+        state, metrics = update(nets, state, stats, batch, key_update, config)
+        cost = (met.cost * met.mask).sum(axis=1)
+        state = state._replace(
+            multiplier=next_multiplier(state.multiplier, cost.mean(), config),
+            moments=observe(state.moments, met),
+            key=key,
+            step=state.step + 1,
+        )
+        return state, {
+            **metrics,
+            "return": (met.reward * met.mask).sum(axis=1).mean(),
+            "cost": cost.mean(),
+            "clean_share": (cost == 0).mean(),
+            "multiplier": multiplier,
+            "std": jnp.exp(state.policy["params"]["log_std"]).mean(),
+        }
+
+    return Lagrangian(init, step, nets)
+
+
+def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
+    """Adam on the policy and both critics, clipped by the norm of all three: the shipped experts were trained so."""
+    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(config.learning_rate, eps=1e-5))
+
+
+def _unrestarted(met: Trajectory) -> Trajectory:
+    return met._replace(cost=jnp.maximum(met.cost, 0.0), mask=met.mask * (met.cost != RESTART))
+
+
+def next_multiplier(multiplier: Float[Array, ""], cost: Float[Array, ""], config: LagrangianConfig) -> Float[Array, ""]:
+    """λ ← min(λ exp(rate · min(J_c − d, 1)), max): dual ascent on log λ, its step bounded while costs are large."""
+    ascent = config.multiplier_rate * jnp.minimum(cost - config.cost_budget, 1.0)
+    return jnp.minimum(multiplier * jnp.exp(ascent), config.multiplier_max)
+
+
+def observe(moments: Moments, met: Trajectory) -> Moments:
+    """The moments after further observations (Chan et al. 1979)."""
+    count = met.mask.sum()
+    mean = jnp.einsum("nt,nto->o", met.mask, met.obs) / count
+    square = jnp.einsum("nt,nto->o", met.mask, (met.obs - mean) ** 2)
+    total, apart = moments.number + count, mean - moments.mean
+    share = count / total
+    return Moments(
+        number=total,
+        mean=moments.mean + apart * share,
+        square=moments.square + square + apart**2 * moments.number * share,
+    )
+
+
+def observation_stats(state: LagrangianState) -> ObsStats:
+    """Mean and standard deviation so far; 0 and 1 before the first iteration."""
+    moments = state.moments
+    spread = jnp.sqrt(moments.square / jnp.maximum(moments.number, 1.0))
+    return ObsStats(moments.mean, jnp.where(moments.number > 0, spread, 1.0))
+
+
+def acting_params(state: LagrangianState) -> Params:
+    return Params(state.policy, state.value, reward=None, feasibility=None, thresholds=Thresholds(jnp.zeros(()), jnp.zeros(())))
+
+
+def lagrangian_advantage(
+    gain: Float[Array, "N T"], cost_gain: Float[Array, "N T"], mask: Float[Array, "N T"], multiplier: Float[Array, ""]
+) -> Float[Array, "N T"]:
+    """(Â_r / std Â_r − λ Â_c) / (1 + λ), both centred; Â_c keeps its unit, for costs that are rare must not be blown up."""
+    gain, cost_gain = (x - ppo.masked_mean(x, mask) for x in (gain, cost_gain))
+    spread = jnp.sqrt(ppo.masked_mean(gain**2, mask))
+    return (gain / (spread + 1e-8) - multiplier * cost_gain) / (1.0 + multiplier)
+
+
+def make_batch(
+    nets: Networks,
+    state: LagrangianState,
+    stats: ObsStats,
+    met: Trajectory,
+    multiplier: Float[Array, ""],
+    config: LagrangianConfig,
+) -> Batch:
+    """All steps of the rollouts but the last of each, which lends both critics its value as the bootstrap."""
+    t = jnp.broadcast_to(jnp.arange(met.mask.shape[1]), met.mask.shape)
+    see = jax.vmap(jax.vmap(nets.value, (None, None, 0, 0)), (None, None, 0, 0))
+    cost_value = see(state.cost_value, stats, met.obs, t)
+
+    def estimate(reward: Array, value: Array, discount: float) -> Array:
+        last = value[:, -1] * met.mask[:, -1]
+        gae = jax.vmap(ppo.gae, (0, 0, 0, 0, None, None))
+        return gae(reward[:, :-1], value[:, :-1], last, met.mask[:, :-1], discount, config.ppo.gae_lambda)
+
+    reward = met.reward - config.centred * ppo.masked_mean(met.reward, met.mask)
+    gain = estimate(config.reward_scale * reward, met.value, config.ppo.discount)
+    cost_gain = estimate(met.cost, cost_value, config.cost_discount)
+    early = jax.tree.map(lambda leaf: leaf[:, :-1], (met.obs, met.action, t, met.log_prob, met.value, cost_value, met.mask))
+    obs, action, t, log_prob, value, cost_value, mask = early
+    advantage = lagrangian_advantage(gain, cost_gain, mask, multiplier)
+    steps = Batch(obs, action, t, log_prob, advantage, value + gain, cost_value + cost_gain, mask)
+    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), steps)
+
+
+def loss(
+    trained: tuple[Any, Any, Any], nets: Networks, stats: ObsStats, batch: Batch, config: PPOConfig
+) -> tuple[Array, Metrics]:
+    """−surrogate + value_coef · ½ ((V_r − target)² + (V_c − cost target)²), means over unmasked steps."""
+    policy, value, cost_value = trained
+
+    def one(step: Batch) -> tuple[Array, Array, Array]:
+        log_prob = jnp.asarray(nets.policy(policy, stats, step.obs, step.t).log_prob(step.action))
+        return log_prob, nets.value(value, stats, step.obs, step.t), nets.value(cost_value, stats, step.obs, step.t)
+
+    log_prob, found, cost_found = jax.vmap(one)(batch)
+    surrogate = ppo.clipped_surrogate(log_prob, batch.log_prob, batch.advantage, config.clip_eps)
+    policy_loss = -ppo.masked_mean(surrogate, batch.mask)
+    errors = (found - batch.target) ** 2 + (cost_found - batch.cost_target) ** 2
+    value_loss = 0.5 * ppo.masked_mean(errors, batch.mask)
+    kl = ppo.masked_mean(batch.log_prob - log_prob, batch.mask)
+    return policy_loss + config.value_coef * value_loss, {"value_loss": value_loss, "approx_kl": kl}
+
+
+def update(
+    nets: Networks, state: LagrangianState, stats: ObsStats, batch: Batch, key: PRNGKeyArray, config: LagrangianConfig
+) -> tuple[LagrangianState, Metrics]:
+    """`num_epochs` passes over the steps in shuffled minibatches; the step's size falls linearly over the iterations."""
+    number = batch.mask.size
+    num_minibatches = max(1, number // config.ppo.minibatch_size)
+    optimiser = make_optimiser(config.ppo)
+    left = jnp.maximum(1.0 - state.step / config.iterations, 0.0)
+
+    def minibatch_step(carry: tuple[Any, Any], index: Array) -> tuple[tuple[Any, Any], Metrics]:
+        trained, opt = carry
+        minibatch = jax.tree.map(lambda leaf: leaf[index], batch)
+        grads, metrics = jax.grad(loss, has_aux=True)(trained, nets, stats, minibatch, config.ppo)
+        updates, opt = optimiser.update(grads, opt)
+        policy, *values = jax.tree.map(lambda old, change: old + left * change, trained, updates)
+        return ((project_log_std(policy, config.ppo), *values), opt), metrics
+
+    def epoch(carry: tuple[Any, Any], key_epoch: PRNGKeyArray) -> tuple[tuple[Any, Any], Metrics]:
+        size = number // num_minibatches
+        order = jax.random.permutation(key_epoch, number)[: num_minibatches * size]
+        return jax.lax.scan(minibatch_step, carry, order.reshape(num_minibatches, size))
+
+    start = ((state.policy, state.value, state.cost_value), state.opt)
+    keys = jax.random.split(key, config.ppo.num_epochs)
+    (trained, opt), metrics = jax.lax.scan(epoch, start, keys)
+    policy, value, cost_value = trained
+    state = state._replace(policy=policy, value=value, cost_value=cost_value, opt=opt)
+    return state, {name: found[-1].mean() for name, found in metrics.items()}

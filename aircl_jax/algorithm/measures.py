@@ -1,0 +1,78 @@
+"""Measures of trajectories as pure functions: the paper's and ours."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from aircl_jax.algorithm.sampler import effective_sample_size
+from aircl_jax.types import Metrics, Trajectory
+from envs import Env
+
+GOAL_TOLERANCE = 1e-3
+
+
+def violation_rate(trajectories: Trajectory) -> Float[Array, ""]:
+    """The paper's: the share of unmasked timesteps that violate."""
+    return (trajectories.cost * trajectories.mask).sum() / jnp.maximum(trajectories.mask.sum(), 1.0)
+
+
+def infeasible(trajectories: Trajectory) -> Float[Array, " N"]:
+    """1 for each trajectory with a violation in any unmasked step."""
+    return (trajectories.cost * trajectories.mask).max(axis=-1)
+
+
+def undiscounted_return(trajectories: Trajectory) -> Float[Array, ""]:
+    """Mean over trajectories of Σ_t r_t, the true one."""
+    return (trajectories.reward * trajectories.mask).sum(axis=-1).mean()
+
+
+def feasible_return(trajectories: Trajectory) -> Float[Array, ""]:
+    """Mean over trajectories of Σ_t r_t up to the first violation (Liu et al. 2022)."""
+    clean = jnp.cumprod(1.0 - trajectories.cost * trajectories.mask, axis=-1)
+    return (trajectories.reward * trajectories.mask * clean).sum(axis=-1).mean()
+
+
+def goal_rate(trajectories: Trajectory, success_return: float | None) -> Float[Array, ""]:
+    """Share of episodes that end in the goal; undefined (NaN) in a world without one."""
+    if success_return is None:
+        return jnp.full((), jnp.nan)
+    returns = (trajectories.reward * trajectories.mask).sum(axis=-1)
+    reached = (returns >= success_return - GOAL_TOLERANCE).astype(returns.dtype)
+    return jnp.where(jnp.isnan(returns), jnp.nan, reached).mean()
+
+
+def auroc(score: Float[Array, " N"], positive: Float[Array, " N"], negative: Float[Array, " N"]) -> Float[Array, ""]:
+    """P(score of a positive > score of a negative), ties counted half, both weighted; NaN where one label is missing."""
+    order = jnp.argsort(score)
+    ranked = score[order]
+    up_to = jnp.cumsum(negative[order] / negative.sum())
+    new = jnp.append(True, ranked[1:] != ranked[:-1])  # the first of each group of ties
+    below = jax.lax.cummax(jnp.where(new, jnp.append(0.0, up_to[:-1]), 0.0))
+    below_or_tied = jax.lax.cummin(jnp.where(jnp.append(new[1:], True), up_to, 1.0), reverse=True)
+    return (positive[order] / positive.sum() * 0.5 * (below + below_or_tied)).sum()
+
+
+def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Array, "*B"]) -> Float[Array, ""]:
+    """Pearson's, weighted; undefined (NaN) where either does not vary."""
+    weight = weight / weight.sum()
+    x, y = x - (weight * x).sum(), y - (weight * y).sum()
+    return (weight * x * y).sum() / jnp.sqrt((weight * x**2).sum() * (weight * y**2).sum())
+
+
+def step_metrics(
+    env: Env, sampled: Trajectory, policy: Trajectory, log_delta: Float[Array, " P"], expert_log_delta: Float[Array, " N"]
+) -> Metrics:
+    """The measures of one iteration's batches, before its update; of D_E, δ̄ as the adversary has left it."""
+    known = 1.0 if env.has_reward else jnp.nan  # also for a row that assumes r = 0
+    return {
+        "violation_rate": violation_rate(sampled),
+        "violation_rate_policy": violation_rate(policy),
+        "infeasible_share": infeasible(sampled).mean(),
+        "infeasible_share_policy": infeasible(policy).mean(),
+        "return": known * undiscounted_return(policy),
+        "return_sampled": known * undiscounted_return(sampled),
+        "effective_sample_size": effective_sample_size(log_delta),
+        "feasibility_expert": jnp.exp(expert_log_delta).mean(),
+        "feasibility_policy": jnp.exp(log_delta).mean(),
+        "entropy": -(policy.log_prob * policy.mask).sum() / jnp.maximum(policy.mask.sum(), 1.0),
+    }

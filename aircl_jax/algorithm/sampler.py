@@ -1,0 +1,55 @@
+"""The sampler q(τ) ∝ π(τ) · δ̄(τ): D_S drawn from policy trajectories by their feasibility (Eq. 9; Algorithm 1, line 3)."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from aircl_jax.model.networks import Networks
+from aircl_jax.types import Trajectory
+
+MIN_EFFECTIVE_SHARE = 0.1  # below it the weights say nothing but who is luckiest: fall back to uniform
+
+
+def effective_sample_size(log_delta: Float[Array, " N"]) -> Float[Array, ""]:
+    """(Σ w)² / (N Σ w²) of the weights w = δ̄: 1 when all are equal, 1/N when one has everything (Kish 1965)."""
+    log_sum = jax.nn.logsumexp(log_delta)
+    log_sum_squares = jax.nn.logsumexp(2.0 * log_delta)
+    return jnp.exp(2.0 * log_sum - log_sum_squares) / log_delta.shape[0]
+
+
+def resample(log_delta: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int[Array, " N"]:
+    """N indices with p ∝ δ̄, by systematic resampling; uniform where the effective sample size is below a tenth of the pool."""
+    degenerate = effective_sample_size(log_delta) < MIN_EFFECTIVE_SHARE
+    probability = jax.nn.softmax(jnp.where(degenerate, jnp.zeros_like(log_delta), log_delta))
+    return _systematic(probability, number, key)
+
+
+def reject(log_delta: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int[Array, " N"]:
+    """N indices among those that a coin of probability δ̄(τ) accepts (Eq. 9 read as rejection); uniform where none is."""
+    key_accept, key_draw = jax.random.split(key)
+    accepted = (jnp.log(jax.random.uniform(key_accept, log_delta.shape)) < log_delta).astype(jnp.float32)
+    weight = jnp.where(accepted.sum() > 0, accepted, jnp.ones_like(accepted))
+    return _systematic(weight / weight.sum(), number, key_draw)
+
+
+SAMPLERS = {"resample": resample, "reject": reject}
+
+
+def take(pool: Trajectory, index: Int[Array, " N"]) -> Trajectory:
+    """The trajectories of those indices, [N, T, …]."""
+    return jax.tree.map(lambda leaf: leaf[index], pool)
+
+
+def _systematic(probability: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int[Array, " N"]:
+    """One uniform offset, N even strides through the cumulative probability: as fair as N draws, and less noisy."""
+    positions = (jnp.arange(number) + jax.random.uniform(key)) / number
+    cumulative = jnp.cumsum(probability)
+    return jnp.searchsorted(cumulative / cumulative[-1], positions, method="compare_all").clip(0, len(probability) - 1)
+
+
+def draw(nets: Networks, policy: Trajectory, log_delta: Float[Array, " P"], key: PRNGKeyArray) -> Trajectory:
+    """D_S: N trajectories of D_P in proportion to δ̄ (Eq. 9); D_P itself for the rows without a sampler."""
+    if nets.method.sampled_from == "policy":
+        return policy
+    sampler = SAMPLERS[nets.config.adversary.sampler]
+    return take(policy, sampler(log_delta, nets.config.num_trajectories, key))

@@ -1,0 +1,129 @@
+"""Algorithm 1 as one fused step: rollout, sampler, adversary and policy update of one seed, one after the other."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray
+
+from aircl_jax.algorithm import adversary, cloning
+from aircl_jax.algorithm.learners import ppo
+from aircl_jax.algorithm.measures import step_metrics
+from aircl_jax.algorithm.policy_reward import policy_reward
+from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.algorithm.sampler import draw
+from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
+from aircl_jax.algorithm.terms.logits import Batches
+from aircl_jax.methods import Method
+from aircl_jax.model.networks import Networks, make_networks
+from aircl_jax.settings.train_config import TrainConfig
+from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
+from envs import Env
+
+WARM_RATE = 3e-3  # Adam's, of the warm start
+
+
+class Trainer(NamedTuple):
+    """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure and for one seed: `vmap` for many."""
+
+    init: Callable[[PRNGKeyArray, Trajectory], TrainState]
+    step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
+
+
+def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
+    """The training loop's two functions for a method's row on an environment. `expert` is D_E, [N_E, T, …]."""
+    if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
+        raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
+    nets = make_networks(env, method, config)
+    pooled = method.sampled_from == "pool"
+    num_policy = config.num_trajectories * (config.pool if pooled else 1)
+    # In the rows that draw D_S from a pool the terms see N trajectories of D_P ∪ replay, half of each.
+    num_judged = max(1, config.num_trajectories // 2) if pooled else config.num_trajectories
+
+    def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
+        key, key_nets, key_replay = jax.random.split(key, 3)
+        untrained, stats = nets.init(key_nets), observation_stats(expert)
+        ppo_opt = ppo.make_optimiser(config.ppo).init((untrained.policy, untrained.value))
+        params = untrained
+        if config.warm_start:
+            key, key_clone = jax.random.split(key)
+            passes = replace(
+                config.ppo,
+                num_epochs=config.warm_start,
+                minibatch_size=config.warm_minibatch_size,
+                learning_rate=WARM_RATE,
+            )
+            params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, key_clone, passes)
+        return TrainState(
+            params=params,
+            ppo_opt=ppo_opt,
+            adversary_opt=adversary.make_optimiser(config).init((params.reward, params.feasibility)),
+            obs_stats=stats,
+            replay=rollouts(env, nets, untrained, stats, key_replay, num_judged),
+            key=key,
+            step=jnp.zeros((), jnp.int32),
+        )
+
+    def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+        key, key_rollout, key_sampler, key_adversary, key_policy, key_replay = jax.random.split(state.key, 6)
+        params, stats = state.params, state.obs_stats
+        now = scheduled(nets, state.step)  # the same networks, with this iteration's learning rates
+
+        policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4, first: D_P
+        log_delta = trajectory_feasibility(nets, params, stats, policy)
+        sampled = draw(nets, policy, log_delta, key_sampler)  # line 3: D_S is drawn from D_P, Eq. 9
+
+        judged = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
+        batches = Batches(expert, sampled, policy=judged, replay=state.replay)
+        params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6: `num_steps` minibatches
+            now, params, state.adversary_opt, stats, batches, key_adversary
+        )
+        params, expert_log_delta = calibrated(nets, params, stats, expert)
+        if method.learner == "cloning":
+            params, ppo_opt, policy_metrics = cloning.update(
+                now, params, state.ppo_opt, stats, expert, key_policy, now.config.ppo
+            )
+        else:
+            reward, credit = policy_reward(nets, params, stats, expert, policy)
+            params, ppo_opt, policy_metrics = ppo.update(  # line 7
+                now, params, state.ppo_opt, stats, policy, reward, credit, key_policy, now.config.ppo
+            )
+        metrics = step_metrics(env, sampled, policy, log_delta, expert_log_delta)
+        state = state._replace(
+            params=params,
+            ppo_opt=ppo_opt,
+            adversary_opt=adversary_opt,
+            replay=refresh(state.replay, judged, key_replay, config.adversary.replay_rate),
+            key=key,
+            step=state.step + 1,
+        )
+        return state, {**metrics, **adversary_metrics, **policy_metrics}
+
+    return Trainer(init, step)
+
+
+def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
+    """The networks with this iteration's learning rates: (1 − step / annealing) of the settings'; 0 for π and V at first."""
+    config = nets.config
+    if not config.annealing and not config.waiting:
+        return nets
+    left = jnp.maximum(1.0 - step / config.annealing, 0.0) if config.annealing else 1.0
+    moves = step >= config.waiting
+    acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
+    judging = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
+    return replace(nets, config=replace(config, ppo=acting, adversary=judging))
+
+
+def observation_stats(expert: Trajectory) -> ObsStats:
+    """Mean and standard deviation of D_E's observations over unmasked steps."""
+    weight = expert.mask / expert.mask.sum()
+    mean = jnp.einsum("nt,nto->o", weight, expert.obs)
+    return ObsStats(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
+
+
+def refresh(replay: Trajectory, policy: Trajectory, key: PRNGKeyArray, rate: float) -> Trajectory:
+    """Each slot of the replay is overwritten by this round's trajectory with probability `rate`."""
+    fresh = jax.random.bernoulli(key, rate, (policy.mask.shape[0],))
+    return jax.tree.map(lambda old, new: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old), replay, policy)

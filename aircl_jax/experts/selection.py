@@ -1,0 +1,196 @@
+"""From trained seeds to files: the seed that is chosen, its clean episodes, and the reference set beside them."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import AxisType, NamedSharding, PartitionSpec
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from aircl_jax.algorithm.learners.lagrangian import Lagrangian, LagrangianState, acting_params, observation_stats
+from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.model.networks import Networks
+from aircl_jax.runs.seeds import over_seeds
+from aircl_jax.types import Metrics, Trajectory
+from envs import Env
+
+CLEAN_SHARE = 0.5  # of a seed's episodes: below it, dropping those that violate would leave another policy than was trained
+JUDGED = 100  # episodes by which a seed is judged
+DRAWN = 64  # episodes drawn at once
+LEAST_LABEL = 0.2  # share of each label in a reference set
+
+
+@dataclass(frozen=True)
+class Group:
+    """Episodes of a reference set from one policy: which seed's, its mean action and its σ multiplied."""
+
+    source: str  # expert, free
+    mean: float = 1.0
+    noise: float = 1.0
+    number: int = 20
+
+
+REFERENCE: dict[str, Group] = {
+    "expert, held out": Group("expert"),
+    "expert, half the noise": Group("expert", noise=0.5),
+    "expert, actions × 0.8": Group("expert", mean=0.8),
+    "expert, noise × 1.5": Group("expert", noise=1.5),
+    "expert, noise × 3": Group("expert", noise=3.0),
+    "expert, actions × 1.3": Group("expert", mean=1.3),
+    "unconstrained expert": Group("free"),
+}
+MORE = Group("free", number=40)  # drawn besides where violations are too rare
+
+
+class Runner(NamedTuple):
+    """`init() -> states [S, …]`; `run_chunk(states, length) -> (states, {metric: [length, S]})`."""
+
+    init: Callable[[], LagrangianState]
+    run_chunk: Callable[[LagrangianState, int], tuple[LagrangianState, Metrics]]
+
+
+def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequence[bool]) -> Runner:
+    """All seeds, constrained or not, as one program over shards of seeds on every device."""
+    count = max(number for number in range(1, jax.device_count() + 1) if len(seeds) % number == 0)
+    mesh = jax.make_mesh((count,), ("seed",), axis_types=(AxisType.Auto,))
+    spec = PartitionSpec("seed")
+    shard = partial(jax.shard_map, mesh=mesh, check_vma=False)
+
+    def place(tree: Any) -> Any:
+        return jax.device_put(tree, NamedSharding(mesh, spec))
+
+    flags = place(jnp.asarray(constrained, jnp.float32))
+    init = jax.jit(shard(over_seeds(training.init), in_specs=spec, out_specs=spec))
+
+    @partial(jax.jit, static_argnums=2, donate_argnums=0)
+    def run_chunk(states: Any, flags: Array, length: int) -> tuple[Any, Metrics]:
+        def on_device(states: Any, flags: Array) -> tuple[Any, Metrics]:
+            return jax.lax.scan(lambda states, _: over_seeds(training.step)(states, flags), states, length=length)
+
+        return shard(on_device, in_specs=(spec, spec), out_specs=(spec, PartitionSpec(None, "seed")))(states, flags)
+
+    return Runner(
+        init=lambda: init(place(jax.vmap(jax.random.key)(jnp.asarray(seeds, jnp.uint32)))),
+        run_chunk=lambda states, length: run_chunk(place(states), flags, length),
+    )
+
+
+class Judgement(NamedTuple):
+    """What fresh episodes say of one policy."""
+
+    mean: float  # return of all episodes
+    std: float
+    clean_share: float  # of episodes
+    clean_return: float  # mean return of the clean ones; NaN where there is none
+    cost: float  # violating steps an episode
+
+    def as_json(self) -> dict[str, float | None]:
+        return {name: round(value, 4) if np.isfinite(value) else None for name, value in self._asdict().items()}
+
+
+def judge(episodes: Trajectory) -> Judgement:
+    """Returns and cleanliness of episodes [N, T, …]."""
+    total, cost = (np.asarray((x * episodes.mask).sum(axis=1)) for x in (episodes.reward, episodes.cost))
+    clean = cost == 0
+    clean_return = float(total[clean].mean()) if clean.any() else float("nan")
+    return Judgement(float(total.mean()), float(total.std()), float(clean.mean()), clean_return, float(cost.mean()))
+
+
+def best_expert(judged: Sequence[Judgement]) -> int:
+    """The greatest mean return of clean episodes among seeds that are clean in at least half. ValueError if none is."""
+    able = [i for i, one in enumerate(judged) if one.clean_share >= CLEAN_SHARE]
+    if not able:
+        shares = ", ".join(f"{one.clean_share:.2f}" for one in judged)
+        raise ValueError(f"no seed is clean in {CLEAN_SHARE:.0%} of its episodes (shares: {shares}); train longer")
+    return max(able, key=lambda i: judged[i].clean_return)
+
+
+def best_free(judged: Sequence[Judgement]) -> int:
+    """The greatest mean return among unconstrained seeds that violate in most episodes, or among all where none does."""
+    violating = [i for i, one in enumerate(judged) if one.clean_share < CLEAN_SHARE]
+    return max(violating or range(len(judged)), key=lambda i: judged[i].mean)
+
+
+def altered(policy: Any, mean: float, noise: float) -> Any:
+    """The policy's parameters with its mean action and its σ multiplied."""
+    params = dict(policy["params"])
+    network = dict(params["MLP_0"])
+    last = max(network, key=lambda name: int(name.rpartition("_")[2]))
+    network[last] = jax.tree.map(lambda leaf: mean * leaf, network[last])
+    return {"params": params | {"MLP_0": network, "log_std": params["log_std"] + np.log(noise)}}
+
+
+class Sampler:
+    """Fresh episodes of one seed's policy, drawn in batches of one compiled size."""
+
+    def __init__(self, env: Env, nets: Networks) -> None:
+        self.nets = nets
+        self._rollouts = jax.jit(lambda params, stats, key: rollouts(env, nets, params, stats, key, DRAWN))
+
+    def __call__(self, state: LagrangianState, key: PRNGKeyArray, number: int) -> Trajectory:
+        """`number` episodes, [N, T, …]."""
+        keys = jax.random.split(key, -(-number // DRAWN))
+        batches = [self._rollouts(acting_params(state), observation_stats(state), one) for one in keys]
+        return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[:number], *batches)
+
+
+def clean_episodes(draw: Sampler, state: LagrangianState, key: PRNGKeyArray, number: int) -> tuple[Trajectory, float]:
+    """The first `number` episodes without a violation, and the share of clean ones before the others were dropped."""
+    kept, drawn, found = [], 0, 0
+    while found < number:
+        key, key_draw = jax.random.split(key)
+        episodes = draw(state, key_draw, DRAWN)
+        clean = np.asarray((episodes.cost * episodes.mask).sum(axis=1) == 0)
+        kept.append(jax.tree.map(lambda leaf, clean=clean: leaf[clean], episodes))
+        drawn, found = drawn + DRAWN, found + int(clean.sum())
+        if drawn >= number / CLEAN_SHARE * 10:
+            raise ValueError(f"only {found} of {drawn} episodes are clean; train longer")
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[:number], *kept), found / drawn
+
+
+def reference_set(
+    draw: Sampler, expert: LagrangianState, free: LagrangianState, key: PRNGKeyArray
+) -> tuple[Trajectory, dict[str, Judgement]]:
+    """REFERENCE's groups one after the other, [M, T, …]. ValueError where a label is too rare."""
+    sources = {"expert": expert, "free": free}
+
+    def episodes(index: int, group: Group) -> Trajectory:
+        source = sources[group.source]
+        state = source._replace(policy=altered(source.policy, group.mean, group.noise))
+        return draw(state, jax.random.fold_in(key, index), group.number)
+
+    parts = {name: episodes(i, group) for i, (name, group) in enumerate(REFERENCE.items())}
+    if judge(_joined(parts.values())).clean_share > 1 - LEAST_LABEL:
+        parts[f"unconstrained expert, {MORE.number} more"] = episodes(len(parts), MORE)
+    whole, judged = _joined(parts.values()), {name: judge(part) for name, part in parts.items()}
+    clean = judge(whole).clean_share
+    if not LEAST_LABEL <= clean <= 1 - LEAST_LABEL:
+        raise ValueError(f"{clean:.0%} of the reference set are feasible; at least {LEAST_LABEL:.0%} of each are needed")
+    return whole, judged
+
+
+def _joined(parts: Iterable[Trajectory]) -> Trajectory:
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
+
+
+def random_return(env: Env, key: PRNGKeyArray) -> Judgement:
+    """Actions N(0, 1), clipped as the world clips them."""
+    shape = env.action_space.shape
+
+    def episode(key: PRNGKeyArray) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
+        key_reset, key_steps = jax.random.split(key)
+
+        def one_step(state: Any, key: PRNGKeyArray) -> tuple[Any, tuple[Array, Array]]:
+            key_action, key_env = jax.random.split(key)
+            state, result = env.step(key_env, state, jax.random.normal(key_action, shape))
+            return state, (result.reward, result.cost)
+
+        return jax.lax.scan(one_step, env.reset(key_reset)[0], jax.random.split(key_steps, env.horizon))[1]
+
+    reward, cost = jax.jit(jax.vmap(episode))(jax.random.split(key, JUDGED))
+    blank = jnp.zeros_like(reward)
+    return judge(Trajectory(blank[..., None], blank, blank, blank, reward, cost, jnp.ones_like(reward), blank[:, 0]))

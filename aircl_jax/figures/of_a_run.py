@@ -1,0 +1,86 @@
+"""The figures of a run: which are drawn for what, δ̄ on the reference set, and writing them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from aircl_jax.analysis import episodes
+from aircl_jax.analysis.coordinate_contributions import contributions, is_additive
+from aircl_jax.analysis.recovered import recover
+from aircl_jax.figures import curves
+from aircl_jax.figures.grids import cells, codes, maze, paths
+from aircl_jax.figures.robots import coordinate_curves, step_histograms
+from aircl_jax.figures.style import BLUE, DPI, ORANGE, STYLE, Drawing, final, over_seeds
+from aircl_jax.runs.result import Result
+
+BINS = 25
+
+
+def draw(result: Result) -> Iterator[Drawing]:
+    """Every figure that says something of this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
+    env, found = result.plan.env, episodes.gather(result)
+    yield curves.learning_curves(result)
+    if env.layout is not None and env.tabular is not None:
+        yield from cells.draw(result, env.layout, env.tabular, found)
+        yield from paths.draw(result, env.layout, found)
+    elif env.tabular is not None and (env.codes or env.maze) and result.plan.method.learner != "cloning":
+        recovered = recover(result, env.tabular)
+        if env.codes:
+            yield from codes.draw(recovered, env.codes, over_seeds(result))
+        if env.maze:
+            yield from maze.draw(recovered, env.maze, over_seeds(result))
+    elif env.tabular is None:
+        yield from step_histograms.draw(result, found)
+        if is_additive(result):
+            yield coordinate_curves.by_coordinate(result, contributions(result, found.policy))
+    if result.plan.method.feasibility != "none" and _has_both_labels(result):
+        yield reference_histogram(result, found)
+    yield curves.losses(result)
+
+
+def figures_of(result: Result) -> dict[str, Drawing]:
+    """Every figure by its name, for a notebook."""
+    with mpl.rc_context(STYLE):
+        return {drawing.name: drawing for drawing in draw(result)}
+
+
+def write_figures(result: Result, directory: Path) -> list[tuple[Path, str]]:
+    """Draw into the directory; the files with their captions."""
+    directory.mkdir(exist_ok=True)
+    written = []
+    with mpl.rc_context(STYLE):
+        for drawing in draw(result):
+            path = directory / f"{drawing.name}.png"
+            drawing.figure.savefig(path, dpi=DPI)
+            written.append((path, drawing.caption))
+    return written
+
+
+def reference_histogram(result: Result, found: episodes.Evidence) -> Drawing:
+    """δ̄ of the reference set's clean and violating trajectories, each label's shares summing to 1 over all seeds."""
+    violating = episodes.infeasible(result.reference)
+    figure = Figure(figsize=(3.4, 2.3), layout="constrained")
+    axis = figure.subplots()
+    edges = np.linspace(0, 1, BINS + 1).tolist()
+    for label, chosen, colour in (("clean", ~violating, BLUE), ("violating", violating, ORANGE)):
+        delta = found.delta_reference[:, chosen].ravel()
+        share = 100.0 / delta.size
+        axis.hist(delta, edges, weights=np.full(delta.size, share), color=colour, alpha=0.35)
+        axis.hist(delta, edges, weights=np.full(delta.size, share), color=colour, histtype="step", lw=1.2)
+        axis.plot([], [], color=colour, lw=5, alpha=0.6, label=f"{label} ({chosen.sum()})")
+    axis.legend(frameon=False, loc="upper center")
+    axis.set(xlim=(0, 1), xlabel=r"feasibility $\bar\delta(\tau)$", ylabel="trajectories of that label (%)")
+    caption = (
+        f"δ̄ of the reference set's {(~violating).sum()} clean and {violating.sum()} violating trajectories, "
+        f"{over_seeds(result)} pooled: AUROC {final(result, 'feasibility_auroc')}, gap of the means "
+        f"{final(result, 'feasibility_gap')}."
+    )
+    return Drawing("feasibility_reference", figure, caption)
+
+
+def _has_both_labels(result: Result) -> bool:
+    """Whether the reference set holds clean and violating trajectories; an unknown cost is neither."""
+    return bool(0 < episodes.infeasible(result.reference).mean() < 1)

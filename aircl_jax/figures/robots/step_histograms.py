@@ -1,0 +1,115 @@
+"""Figures of worlds without a table: what is done and what is observed, the demonstrations beside the policy."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from aircl_jax.analysis.episodes import Evidence
+from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing, over_seeds
+from aircl_jax.runs.result import Result
+from aircl_jax.types import Trajectory
+from envs import Box
+from envs.robots.constraints import find_constraint
+
+BINS = 40
+WIDEST = 5.0  # standard deviations of D_E to either side of its mean that a histogram shows at most
+NARROWEST = 1e-3  # width of the histogram of a coordinate that never moves
+COLUMNS = 4
+
+
+class Limit(NamedTuple):
+    """Where a named constraint draws its line: across every action, or across an observed coordinate."""
+
+    across: str  # actions, observations
+    values: tuple[float, ...]
+
+
+def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
+    limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
+    space = result.plan.env.action_space
+    expert, policy = _steps(result.expert), _steps(found.policy)
+    if isinstance(space, Box):
+        clipped = [np.clip(actions, space.low, space.high) for actions in (expert.action, policy.action)]
+        drawn = limit.values if limit and limit.across == "actions" else ()
+        names = result.plan.env.motor_names
+        yield _drawing(result, "actions", clipped, names, dict.fromkeys(names, drawn), (space.low, space.high))
+    names = result.plan.env.coordinate_names
+    drawn = limit.values if limit and limit.across == "observations" else ()
+    yield _drawing(result, "observations", [expert.obs, policy.obs], names, {names[0]: drawn}, None)
+
+
+def constraint_limit(env_name: str, settings: Mapping[str, Any]) -> Limit | None:
+    """The limit of a robot's named constraint; None where there is none to draw."""
+    if "constraint" not in settings:
+        return None
+    constraint = find_constraint(settings["constraint"], env_name)
+    asked = settings["limit"]
+    limit = constraint.limit if isinstance(asked, str) else float(asked)
+    if constraint.of == "state_action":
+        return Limit("actions", (-limit, limit))
+    return Limit("observations", (limit,)) if constraint.task == "wall" else None  # the wall's x is observed first
+
+
+class _Steps(NamedTuple):
+    obs: Float[np.ndarray, "N O"]
+    action: np.ndarray
+
+
+def _steps(trajectories: Trajectory) -> _Steps:
+    """The unmasked steps of all seeds and trajectories, in one row."""
+    kept = np.asarray(trajectories.mask) > 0
+    return _Steps(np.asarray(trajectories.obs)[kept], np.asarray(trajectories.action)[kept])
+
+
+def _drawing(
+    result: Result,
+    what: str,
+    pair: Sequence[Float[np.ndarray, "_ K"]],
+    names: Sequence[str],
+    limits: dict[str, tuple[float, ...]],
+    span: tuple[float, float] | None,
+) -> Drawing:
+    columns = min(COLUMNS, len(names))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(max(3.4, 1.8 * columns), 0.5 + 1.35 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[len(names) :]:
+        axis.remove()
+    for index, name in enumerate(names):
+        _histogram(axes[index], pair[0][:, index], pair[1][:, index], span)
+        for limit in limits.get(name, ()):
+            axes[index].axvline(limit, color=ORANGE, ls=(0, (4, 2)), lw=1.0)
+        axes[index].set_xlabel(name)
+    handles = [axes[0].plot([], [], color=colour, lw=1.4, label=label)[0] for colour, label in _LEGEND]
+    if any(limits.values()):
+        handles += axes[0].plot([], [], color=ORANGE, ls=(0, (4, 2)), lw=1.0, label="limit of the constraint")
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, handlelength=1.5, columnspacing=1.2)
+    figure.supylabel("density (per unit)", fontsize=7)
+    said = "; beyond the dashed lines the constraint is violated" if any(limits.values()) else ""
+    caption = (
+        f"Histograms of the {what} of all timesteps, D_E beside fresh episodes of the policy: {over_seeds(result)} "
+        f"pooled{said}."
+    )
+    return Drawing(what, figure, caption)
+
+
+_LEGEND = ((BLACK, "demonstrations $D_E$"), (BLUE, r"policy $\pi$"))
+
+
+def _histogram(
+    axis: Axes, expert: Float[np.ndarray, " N"], policy: Float[np.ndarray, " M"], span: tuple[float, float] | None
+) -> None:
+    if span is None:
+        middle, spread = expert.mean(), max(expert.std(), 1e-3)
+        both = np.concatenate([expert, policy])
+        span = (max(both.min(), middle - WIDEST * spread), min(both.max(), middle + WIDEST * spread) + NARROWEST)
+    edges = np.linspace(*span, BINS + 1).tolist()
+    axis.hist(np.clip(expert, *span), edges, density=True, color=GREY, alpha=0.35)
+    axis.hist(np.clip(expert, *span), edges, density=True, color=BLACK, histtype="step", lw=0.9)
+    axis.hist(np.clip(policy, *span), edges, density=True, color=BLUE, histtype="step", lw=1.1)
+    axis.set_yticks([])
+    axis.spines["left"].set_visible(False)

@@ -1,0 +1,204 @@
+"""The four networks as functions of one step or one trajectory: π_ω, V, f_θ and δ̄_φ."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, cast
+
+import distrax
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
+
+from aircl_jax.methods import Method
+from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy
+from aircl_jax.settings.train_config import PPOConfig, TrainConfig
+from aircl_jax.types import ObsStats, Params, Scores, Thresholds, Trajectory
+from envs import Discrete, Env
+
+OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
+STD_FLOOR = 1e-3  # of a coordinate that the demonstrations never move
+
+
+@dataclass(frozen=True, eq=False)
+class Networks:
+    """The networks of one run. Every function takes one step (or one trajectory) and the parameters it needs."""
+
+    env: Env
+    method: Method
+    config: TrainConfig
+    policy_net: Policy
+    value_net: MLP
+    reward_net: MLP
+    step_net: MLP | AdditiveNet
+    sequence_net: nn.Module
+
+    def init(self, key: PRNGKeyArray) -> Params:
+        key_policy, key_value, key_reward, key_step, key_sequence = jax.random.split(key, 5)
+        acting = jnp.zeros(self.env.obs_size + self.env.finite_horizon)
+        judged = jnp.zeros(
+            self.feasibility_sees_state * self.env.obs_size + self.feasibility_sees_action * self.env.action_space.feature_size
+        )
+        feasibility = {}
+        if "step" in self.method.feasibility:
+            feasibility["step"] = self.step_net.init(key_step, judged)
+        if "sequence" in self.method.feasibility:
+            feasibility["sequence"] = self.sequence_net.init(key_sequence, judged[None], jnp.ones(1))
+        return Params(
+            policy=self.policy_net.init(key_policy, acting),
+            value=self.value_net.init(key_value, acting),
+            reward=self.reward_net.init(key_reward, jnp.zeros(self.reward_size)),
+            feasibility=feasibility,
+            # Never weakly typed: a state that `step` returns with another type would compile the whole chunk a second time.
+            thresholds=Thresholds(*[jnp.log(jnp.asarray(self.config.coefficients.threshold, jnp.float32))] * 2),
+        )
+
+    @property
+    def constraint_input(self) -> str:
+        """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows."""
+        if self.config.constraint_input != "env":
+            return self.config.constraint_input
+        return "state_action" if self.method.test == "sigmoid" else self.env.constraint_input
+
+    @property
+    def entropy_weight(self) -> float:
+        """β of the entropy that π is paid for; the paper's rows with a learned f take 1."""
+        return self.config.temperature if self.method.needs_true_reward or self.method.judge == "centred" else 1.0
+
+    @property
+    def feasibility_sees_state(self) -> bool:
+        return self.constraint_input in ("state", "state_action")
+
+    @property
+    def feasibility_sees_action(self) -> bool:
+        return self.constraint_input in ("action", "state_action")
+
+    @property
+    def reward_size(self) -> int:
+        seen = self.env.reward_view_size or self.env.obs_size
+        return (seen if self.config.reward_input == "view" else self.env.obs_size) + self.env.action_space.feature_size
+
+    def normalise(self, stats: ObsStats, obs: Float[Array, " O"]) -> Float[Array, " O"]:
+        """s̃ = (s − mean_E) / std_E, clipped to ±8."""
+        return jnp.clip((obs - stats.mean) / jnp.maximum(stats.std, STD_FLOOR), -OBS_CLIP, OBS_CLIP)
+
+    def acting_input(self, stats: ObsStats, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, " I"]:
+        """What policy and value see: s̃, and t/T where the task ends at the horizon."""
+        seen = self.normalise(stats, obs)
+        return jnp.append(seen, t / self.env.horizon) if self.env.finite_horizon else seen
+
+    def policy(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], t: Int[Array, ""]) -> distrax.Distribution:
+        """π_ω(·|s_t)."""
+        head = cast(Array, self.policy_net.apply(params, self.acting_input(stats, obs, t)))
+        if isinstance(self.env.action_space, Discrete):
+            return distrax.Categorical(logits=head)
+        return distrax.MultivariateNormalDiag(head, jnp.exp(params["params"]["log_std"]))
+
+    def value(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, ""]:
+        """V(s_t)."""
+        return self.value_net.apply(params, self.acting_input(stats, obs, t))[0]
+
+    def reward(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
+        """f_θ(s, a), on the environment's smooth coordinates or on s̃."""
+        viewed = self.config.reward_input == "view" and self.env.reward_view_size
+        seen = self.env.reward_view(obs) if viewed else self.normalise(stats, obs)
+        f = self.reward_net.apply(params, jnp.concatenate([seen, self.env.action_space.features(action)]))[0]
+        bound = self.config.reward_bound
+        return bound * jnp.tanh(f / bound) if bound else f
+
+    def feasibility_input(self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
+        """What both factors of the feasibility see of a step: s̃, the action, or both, as constraints may speak of them."""
+        state, taken = self.normalise(stats, obs), self.env.action_space.features(action)
+        return jnp.concatenate([state] * self.feasibility_sees_state + [taken] * self.feasibility_sees_action)
+
+    def step_logit(
+        self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]
+    ) -> Float[Array, ""]:
+        """Logit of the per-step feasibility network; 0 where the method has none."""
+        if "step" not in params:
+            return jnp.zeros(())
+        return self.step_net.apply(params["step"], self.feasibility_input(stats, obs, action))[0]
+
+    def sequence_logit(
+        self, params: Any, stats: ObsStats, obs: Float[Array, "T O"], action: Shaped[Array, "T *A"], mask: Float[Array, " T"]
+    ) -> Float[Array, ""]:
+        """Logit of the trajectory-level feasibility network, which sees order; 0 where the method has none."""
+        if "sequence" not in params:
+            return jnp.zeros(())
+        features = jax.vmap(self.feasibility_input, (None, 0, 0))(stats, obs, action)
+        return cast(Array, self.sequence_net.apply(params["sequence"], features, mask))
+
+    def along(
+        self, of: Callable[[Array, Array], Array], obs: Float[Array, "T O"], action: Shaped[Array, "T *A"]
+    ) -> Float[Array, " T"]:
+        """of(s_t, a_t) of each step; sᵀ F a with F the table of all pairs where both are one-hot of few codes or nodes."""
+        if not self.env.enumerated:
+            return jax.vmap(of)(obs, action)
+        pairs = jax.vmap(jax.vmap(of, (None, 0)), (0, None))
+        table = pairs(jnp.eye(self.env.obs_size), jnp.arange(self.env.action_space.feature_size))
+        return ((obs @ table) * jax.vmap(self.env.action_space.features)(action)).sum(axis=-1)
+
+    def log_pi(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+        """log π_ω(a_t|s_t) along one trajectory."""
+
+        def one(obs: Array, action: Array, t: Array) -> Array:
+            return cast(Array, self.policy(params.policy, stats, obs, t).log_prob(action))
+
+        if self.env.enumerated:
+            return self.along(lambda obs, action: one(obs, action, jnp.asarray(0)), trajectory.obs, trajectory.action)
+        return jax.vmap(one)(trajectory.obs, trajectory.action, jnp.arange(trajectory.obs.shape[0]))
+
+    def f(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+        """f_θ(s_t, a_t) along one trajectory."""
+        return self.along(lambda obs, action: self.reward(params.reward, stats, obs, action), trajectory.obs, trajectory.action)
+
+    def values(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+        """V(s_t) along one trajectory."""
+        if self.env.enumerated:
+            table = jax.vmap(lambda obs: self.value(params.value, stats, obs, jnp.asarray(0)))(jnp.eye(self.env.obs_size))
+            return trajectory.obs @ table
+        steps = jnp.arange(trajectory.obs.shape[0])
+        return jax.vmap(self.value, (None, None, 0, 0))(params.value, stats, trajectory.obs, steps)
+
+    def scores(self, params: Params, stats: ObsStats, trajectory: Trajectory, log_pi: Float[Array, " T"]) -> Scores:
+        """All that the adversary's terms need of one trajectory; log π is given, since ω stands still in lines 5 and 6."""
+        obs, action, mask = trajectory.obs, trajectory.action, trajectory.mask
+
+        def step_logit(obs: Array, action: Array) -> Array:
+            return self.step_logit(params.feasibility, stats, obs, action)
+
+        return Scores(
+            f=trajectory.reward if self.method.needs_true_reward else self.f(params, stats, trajectory),
+            log_pi=log_pi,
+            step_logit=self.along(step_logit, obs, action),
+            sequence_logit=self.sequence_logit(params.feasibility, stats, obs, action, mask),
+            mask=mask,
+            thresholds=params.thresholds,
+        )
+
+
+def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
+    """The networks of a method's row on an environment: the linear rows have no hidden layer in f and δ̄."""
+    linear = method.network == "linear"
+    judged = () if linear else config.hidden
+    step_net = MLP(judged, 1, activation="relu", bias=SEQUENCE_BIAS)
+    if config.step_network == "additive" and not linear:
+        step_net = AdditiveNet(config.additive_hidden, bias=SEQUENCE_BIAS)
+    return Networks(
+        env=env,
+        method=method,
+        config=config,
+        policy_net=Policy(env.action_space, config.hidden, config.ppo.log_std_init),
+        value_net=MLP(config.hidden, 1),
+        reward_net=MLP(judged, 1, activation="relu"),
+        step_net=step_net,
+        sequence_net=LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden),
+    )
+
+
+def project_log_std(params: Any, config: PPOConfig) -> Any:
+    """log σ moved back into its bounds after an update; clipped inside the network it would lose its gradient there."""
+    if "log_std" not in params["params"]:
+        return params
+    bounded = jnp.clip(params["params"]["log_std"], config.log_std_min, config.log_std_max)
+    return {"params": {**params["params"], "log_std": bounded}}

@@ -1,0 +1,125 @@
+"""What a finished run says of itself: summary.json's metrics and timing, and report.md for reading."""
+
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from aircl_jax.reports.summary import MEANINGS
+from aircl_jax.runs.directory import FIGURES, REPORT
+from envs import ENVS
+
+
+def table(summary: Mapping[str, Any]) -> str:
+    """The metrics as Markdown: mean ± standard deviation, and what the name means."""
+    rows = [("metric", "mean ± std", "what")]
+    for name, row in _defined(summary).items():
+        spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
+        rows.append((name, _short(row["mean"]) + spread, MEANINGS.get(name, "")))
+    return _markdown(rows)
+
+
+def seed_table(summary: Mapping[str, Any]) -> str:
+    """Every seed's metrics as Markdown."""
+    rows = [("metric", *(f"seed {seed}" for seed in summary["seeds"]))]
+    rows += [(name, *map(_short, row["per_seed"])) for name, row in _defined(summary).items()]
+    return _markdown(rows)
+
+
+def report(
+    summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[tuple[Path, str]], command: str, reading: str = ""
+) -> str:
+    """report.md: what ran, what came out, what rang, the figures, what they mean in plain words, what to try next."""
+    return _paragraphs(
+        f"# {summary['method']} on {summary['env']}",
+        f"`{command}`" if command else "Trained from Python.",
+        _effort(summary),
+        "## Alarms",
+        _bullets(map(_sentence, alarms)) or "None rang.",
+        "## Figures",
+        *(f"![{path.stem}]({FIGURES}/{path.name})\n\n{caption}" for path, caption in figures),
+        *(["## In plain words", reading] if reading else []),
+        "## Measures at the end",
+        table(summary),
+        _undefined(summary),
+        "## Every seed",
+        seed_table(summary),
+        "## What to try next",
+        _bullets(f"{_sentence(purpose)}: `{line}`" for line, purpose in suggestions(summary)),
+    )
+
+
+def _defined(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The metrics that at least one seed has."""
+    return {name: row for name, row in summary["metrics"].items() if any(value is not None for value in row["per_seed"])}
+
+
+def _undefined(summary: Mapping[str, Any]) -> str:
+    missing = [name for name in summary["metrics"] if name not in _defined(summary)]
+    return f"Undefined here: {', '.join(missing)}." if missing else "Every measure is defined here."
+
+
+def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> str:
+    """What the command line ends with."""
+    return _paragraphs(
+        "",
+        table(summary),
+        _undefined(summary),
+        _effort(summary),
+        "Alarms:\n" + _bullets(alarms) if alarms else "No alarm rang.",
+        f"Every seed: {run_dir}/{REPORT}   figures: {run_dir}/{FIGURES}/",
+        "What to try next:\n" + "\n".join(f"  {line}   # {purpose}" for line, purpose in suggestions(summary)),
+    )
+
+
+def suggestions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Commands that answer the questions one has after a run, each with its purpose."""
+    env, method = summary["env"].partition(" ")[0], summary["method"]
+    baseline = "airl_centred" if method != "airl_centred" else "aircl_corrected"
+    if env not in ENVS:  # one's own world, which the command line does not know
+        return [(f'train(env, "{baseline}")', "without a constraint, or with one: what the feasibility adds")]
+    run = f"python -m experiments.run env={env}"
+    return [
+        (f"{run} method={baseline}", "without a constraint, or with one: what the feasibility adds"),
+        (f"{run} method={method} first_seed=100 run_dir=runs/{env}/{method}_from_100", "other seeds"),
+        (f"{run} method={method} demonstrations=FILE.npz run_dir=runs/{env}/mine", "your own demonstrations"),
+        (f"{run} --help", "every setting"),
+    ]
+
+
+def _effort(summary: Mapping[str, Any]) -> str:
+    seeds, speed = len(summary["seeds"]), summary["env_steps_per_s"]
+    return (
+        f"{summary['iterations']} iterations, {seeds} seed{'s' if seeds > 1 else ''}, {summary['env_steps']:,} env "
+        f"steps in {summary['wall_s']:.0f} s, {summary['compile_s']:.0f} s of it compiling"
+        + (f"; {speed:,.0f} env steps/s." if speed else ".")
+    )
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
+    padded = [[cell + " " * (width - _width(cell)) for cell, width in zip(row, widths, strict=True)] for row in rows]
+    head, *body = [f"| {' | '.join(row)} |" for row in padded]
+    return "\n".join([head, f"|{'|'.join('-' * (width + 2) for width in widths)}|", *body])
+
+
+def _width(text: str) -> int:
+    """Columns on a terminal: the bar of δ̄ takes none."""
+    return sum(not unicodedata.combining(letter) for letter in text)
+
+
+def _paragraphs(*parts: str) -> str:
+    return "\n\n".join(parts) + "\n"
+
+
+def _bullets(lines: Iterable[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _short(value: float | None) -> str:
+    return "null" if value is None else f"{value:.3g}"
+
+
+def _sentence(text: str) -> str:
+    """With a capital letter, unless it begins with a symbol of its own."""
+    return text[0].upper() + text[1:] if text[0].isascii() else text

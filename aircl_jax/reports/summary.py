@@ -1,0 +1,85 @@
+"""summary.json: every measure's mean, standard deviation and seeds."""
+
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+import jax
+import numpy as np
+
+from aircl_jax.runs.metrics_log import numbers
+from aircl_jax.runs.spec import Plan
+
+MEANINGS = {
+    "violation_rate": "share of timesteps that violate, samples of q (the paper's)",
+    "violation_rate_policy": "the same, samples of the policy",
+    "violation_rate_expert": "the same, demonstrations",
+    "infeasible_share": "share of trajectories that are infeasible, samples of q",
+    "infeasible_share_policy": "the same, samples of the policy",
+    "rc_acc": "share of the demonstrations with D > ½ (the paper's)",
+    "balanced_acc": "mean of D's accuracy on demonstrations and on fresh samples",
+    "feasibility_auroc": "does δ̄ rank feasible trajectories above infeasible ones",
+    "feasibility_gap": "mean δ̄ of feasible minus of infeasible trajectories",
+    "step_feasibility_auroc": "does δ₁ rank feasible steps above violating ones, on the same set",
+    "goal_rate": "share of episodes that end in the goal",
+    "expert_goal_rate": "the same, demonstrations",
+    "return": "true return of the policy",
+    "return_sampled": "true return of q",
+    "expert_return": "true return of the demonstrations",
+    "feasible_return": "true return of the policy up to its first violation",
+    "violation_reward_only": "violation rate of the soft-optimal policy of f alone",
+    "reward_correlation": "correlation of f with the true reward",
+    "occupancy_tv": "total variation between the expert's and the policy's state occupancy",
+    "effective_sample_size": "of the resampling, as a share of the pool",
+    "feasibility_expert": "mean δ̄ of the demonstrations",
+    "feasibility_policy": "mean δ̄ of the policy's samples",
+    "logit_size": "mean size of the discriminator's logit",
+    "entropy": "of the policy, per step",
+    "log_std_at_bound": "share of the policy's log σ that stand at a bound",
+}
+
+
+def statistics(per_seed: Sequence[Any] | np.ndarray) -> dict[str, Any]:
+    """Mean, standard deviation and every seed; undefined as soon as one seed is."""
+    values = np.asarray(per_seed, np.float64)
+    with np.errstate(invalid="ignore"):  # of undefined seeds
+        mean, std = numbers([values.mean(), values.std(ddof=1) if len(values) > 1 else np.nan])
+    return {"mean": mean, "std": std, "per_seed": numbers(values)}
+
+
+def summarise(plan: Plan, final: Mapping[str, np.ndarray], timing: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """summary.json, from the metrics at the end, [S] each, and one line of timing a chunk.
+
+    The speed is that from the end of the first chunk to the end of the last; a session's first chunk, which compiles,
+    counts for none.
+    """
+    steady = [line for line in timing if not line["first"]]
+    seconds = sum(line["seconds"] - line["compile_s"] for line in steady)
+    return {
+        "env": plan.env.title,
+        "method": plan.method_name,
+        "seeds": list(plan.seeds),
+        "iterations": plan.config.iterations,
+        "env_steps": plan.config.iterations * plan.env_steps,
+        "wall_s": round(sum(line["seconds"] for line in timing), 3),
+        "compile_s": round(sum(line["compile_s"] for line in timing), 3),
+        "env_steps_per_s": round(sum(line["env_steps"] for line in steady) / seconds, 1) if seconds else None,
+        "versions": versions(),
+        "metrics": {name: statistics(final[name]) for name in sorted(final, key=_rank)},
+    }
+
+
+def versions() -> dict[str, str]:
+    packages = ("aircl-jax", "jax", "jaxlib", "flax", "optax", "distrax", "mujoco", "mujoco-mjx", "numpy")
+    devices = jax.devices()
+    return {
+        "python": platform.python_version(),
+        **{package: version(package) for package in packages},
+        "devices": f"{len(devices)} × {devices[0].device_kind}",
+    }
+
+
+def _rank(name: str) -> tuple[int, str]:
+    names = list(MEANINGS)
+    return (names.index(name) if name in names else len(names), name)

@@ -1,0 +1,218 @@
+"""The run directory: settings, metrics, timing, checkpoints and summary, whole after a kill at any moment.
+
+A chunk ends with metrics.jsonl, then the checkpoint by a rename, then timing.jsonl. What the files hold beyond the
+newest checkpoint is cut off on resume, so that a resumed metrics.jsonl has the bytes of the uninterrupted one.
+"""
+
+import fcntl
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+
+from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, to_json
+from aircl_jax.settings.parse import flatten
+from aircl_jax.storage import write_whole
+
+CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
+SUMMARY, REPORT, FIGURES = "summary.json", "report.md", "figures"
+_OWN = (CONFIG, METRICS, TIMING, STATE, SUMMARY, REPORT, FIGURES)
+_FREE = ("iterations", "demonstrations.source")  # what a resumed run may change: its length, and a file's name
+
+Settings = Mapping[str, Any]  # of a run, nested, as config.yaml holds them
+
+
+@dataclass
+class RunDirectory:
+    """One run's files. `start` is the iteration to continue from, `finished` whether nothing is left to do."""
+
+    path: Path
+    settings: Settings
+    start: int = 0
+    finished: bool = False
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Hold the directory, ready to be written: an old run is cleared, a resumed one cut off at its checkpoint."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = _lock(self.path)
+            self._prepare()
+        except OSError as error:
+            raise ValueError(f"run_dir={self.path} cannot be written: {error.strerror}; choose another") from error
+        try:
+            yield
+        finally:
+            os.close(lock)
+
+    def _prepare(self) -> None:
+        if self.start == 0:
+            _clear(self.path)
+        write_whole(self.path / CONFIG, yaml.safe_dump(dict(self.settings), sort_keys=False, allow_unicode=True))
+        for name in (SUMMARY, REPORT):
+            (self.path / name).unlink(missing_ok=True)
+        for iteration, checkpoint in _checkpoints(self.path).items():
+            if iteration > self.start:
+                _discard(checkpoint)
+        cut(self.path / METRICS, self.start)
+        cut(self.path / TIMING, sum(line["iteration"] <= self.start for line in self.timing()))
+
+    def append_metrics(self, rows: Sequence[Mapping[str, np.ndarray]]) -> None:
+        """A line per iteration, every metric a list over seeds."""
+        lines = [to_json({name: row[name] for name in sorted(row)}) + "\n" for row in rows]
+        with (self.path / METRICS).open("a") as file:
+            file.write("".join(lines))
+
+    def append_timing(self, timing: Mapping[str, Any]) -> None:
+        """A line per chunk."""
+        with (self.path / TIMING).open("a") as file:
+            file.write(json.dumps(timing) + "\n")
+
+    def save(self, state: Any, iteration: int, chunk: int) -> None:
+        """The checkpoint of an iteration; of older ones the last multiple of `chunk` stays, where longer runs start."""
+        from aircl_jax.runs import checkpoint
+
+        (self.path / STATE).mkdir(exist_ok=True)
+        checkpoint.save(_checkpoint(self.path, iteration), state)
+        for older, path in _checkpoints(self.path).items():
+            if older < iteration - iteration % chunk:
+                _discard(path)
+
+    def load(self, like: Any) -> Any:
+        """The state at `start`, shaped and placed as `like`. Raises ValueError where it is damaged."""
+        from aircl_jax.runs import checkpoint
+
+        return checkpoint.load(_checkpoint(self.path, self.start), like)
+
+    def timing(self) -> list[dict[str, Any]]:
+        path = self.path / TIMING
+        return [json.loads(line) for line in complete_lines(path)] if path.exists() else []
+
+    def summary(self) -> dict[str, Any]:
+        return json.loads((self.path / SUMMARY).read_text())
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        write_whole(self.path / SUMMARY, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+
+    def write_report(self, report: str) -> None:
+        write_whole(self.path / REPORT, report)
+
+
+def open_run(
+    path: Path, settings: Settings, chunk: int, existing: Literal["refuse", "resume", "overwrite"] = "refuse"
+) -> RunDirectory:
+    """Decide where a run in this directory starts; writes nothing. Raises ValueError where it may not be used."""
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"run_dir={path} is a file; choose a directory")
+    _check_writable(path)
+    held = {entry.name for entry in path.iterdir()} if path.exists() else set()
+    if CONFIG not in held:
+        foreign = sorted(name for name in held if name not in _OWN and not name.startswith(f".{CONFIG}"))
+        if foreign:
+            raise ValueError(f"run_dir={path} holds other files ({foreign[0]}, …) and no run; choose another directory")
+        return RunDirectory(path, settings)
+    if existing == "overwrite":
+        return RunDirectory(path, settings)
+    if existing == "refuse":
+        raise ValueError(f"run_dir={path} already holds a run; choose resume=true, overwrite=true or another directory")
+    return _resumed(path, settings, chunk)
+
+
+def open_saved(path: Path) -> RunDirectory:
+    """A run for reading, as far as its newest checkpoint, whether it is finished or still going on. Raises ValueError."""
+    if not (path / CONFIG).is_file():
+        raise ValueError(f"run_dir={path} holds no run; choose a directory with a {CONFIG}")
+    try:
+        settings = dict(yaml.safe_load((path / CONFIG).read_text()))
+    except (yaml.YAMLError, TypeError, ValueError) as error:
+        raise ValueError(f"{path / CONFIG} cannot be read") from error
+    newest = max(_checkpoints(path), default=0)
+    if newest == 0:
+        raise ValueError(f"run_dir={path} has no checkpoint yet; choose a run that has")
+    return RunDirectory(path, settings, start=newest, finished=(path / SUMMARY).is_file())
+
+
+def existing(resume: bool, overwrite: bool) -> Literal["refuse", "resume", "overwrite"]:
+    """What to do with a run that is there already. Raises ValueError where both are asked for."""
+    if resume and overwrite:
+        raise ValueError("resume=true and overwrite=true exclude each other; choose one")
+    return "resume" if resume else "overwrite" if overwrite else "refuse"
+
+
+def _resumed(path: Path, settings: Settings, chunk: int) -> RunDirectory:
+    _refuse_other_settings(path, settings)
+    done, iterations = max(_checkpoints(path), default=0), settings["iterations"]
+    if done > iterations:
+        raise ValueError(f"run_dir={path} is at iteration {done} already; iterations={iterations} would shorten it")
+    if done == iterations and (path / SUMMARY).exists():
+        return RunDirectory(path, settings, start=done, finished=True)
+    whole = [iteration for iteration in _checkpoints(path) if iteration % chunk == 0]
+    start = done if done == iterations else max(whole, default=0)
+    if start and (not (path / METRICS).exists() or len(complete_lines(path / METRICS)) < start):
+        raise ValueError(f"{path / METRICS} is cut short of the checkpoint at {start}; use overwrite=true to start again")
+    return RunDirectory(path, settings, start=start)
+
+
+def _refuse_other_settings(path: Path, settings: Settings) -> None:
+    try:
+        kept = flatten(yaml.safe_load((path / CONFIG).read_text()))
+    except (yaml.YAMLError, AttributeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path / CONFIG} cannot be read; use overwrite=true to start again") from error
+    asked = flatten(settings)
+    differing = [name for name in kept | asked if name not in _FREE and kept.get(name) != asked.get(name)]
+    if differing:
+        listed = "; ".join(f"{name} is {kept.get(name)} there and {asked.get(name)} here" for name in differing)
+        raise ValueError(
+            f"run_dir={path} holds a run with other settings: {listed}; choose overwrite=true or another directory"
+        )
+
+
+def _check_writable(path: Path) -> None:
+    nearest = next(parent for parent in (path, *path.absolute().parents) if parent.exists())
+    if not nearest.is_dir():
+        raise ValueError(f"run_dir={path}: {nearest} is a file; choose a directory")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise ValueError(f"run_dir={path}: {nearest} is not writable; choose another directory")
+
+
+def _lock(path: Path) -> int:
+    """A handle that holds the directory until it is closed. Raises ValueError where another process holds it."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(handle)
+        raise ValueError(f"run_dir={path} is in use by another run; wait for it or choose another directory") from error
+    return handle
+
+
+def _checkpoint(path: Path, iteration: int) -> Path:
+    return path / STATE / f"{iteration:08d}"
+
+
+def _checkpoints(path: Path) -> dict[int, Path]:
+    """The whole checkpoints, by iteration."""
+    state = path / STATE
+    return {int(entry.name): entry for entry in sorted(state.iterdir()) if entry.name.isdigit()} if state.is_dir() else {}
+
+
+def _discard(checkpoint: Path) -> None:
+    """Remove a checkpoint such that a kill leaves no part of it under its name."""
+    doomed = checkpoint.with_name(".discarded")
+    shutil.rmtree(doomed, ignore_errors=True)
+    checkpoint.rename(doomed)
+    shutil.rmtree(doomed)
+
+
+def _clear(path: Path) -> None:
+    """Remove what a run leaves, its settings first: without them the rest counts as no run."""
+    for name in _OWN:
+        entry = path / name
+        shutil.rmtree(entry) if entry.is_dir() else entry.unlink(missing_ok=True)

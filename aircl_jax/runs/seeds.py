@@ -1,0 +1,89 @@
+"""Many seeds as one program, sharded over devices: seed s is the integer s, alone or among others."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.sharding import AxisType, NamedSharding, PartitionSpec
+from jaxtyping import Array, Key
+
+from aircl_jax.algorithm.trainer import Trainer
+from aircl_jax.types import Metrics, TrainState
+
+SEED = PartitionSpec("seed")
+Expert = Any  # Trajectory [S, N, T, …]: D_E of each seed; whatever else a trainer takes in its place
+
+
+class Runner(NamedTuple):
+    """`init(expert) -> states [S, …]`; `run_chunk(states, expert, length) -> (states, {metric: [length, S]})`."""
+
+    init: Callable[[Expert], TrainState]
+    run_chunk: Callable[[TrainState, Expert, int], tuple[TrainState, Metrics]]
+
+
+def seed_keys(seeds: Sequence[int]) -> Key[Array, " S"]:
+    """The key of each seed, [S]."""
+    return jax.vmap(jax.random.key)(jnp.asarray(seeds, jnp.uint32))
+
+
+def over_seeds(of: Callable[..., Any]) -> Callable[..., Any]:
+    """`of`, for one seed, over the leading axis of all its arguments: a `vmap` on accelerators.
+
+    On a CPU a device's seeds go one after another: the arrays of one stay in the cache, those of five do not.
+    """
+    if jax.default_backend() != "cpu":
+        return jax.vmap(of)
+    return lambda *batched: jax.lax.map(lambda one: of(*one), batched)
+
+
+def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
+    """The trainer over all seeds: one jit, `lax.scan` over a chunk, `over_seeds` within, shards of seeds on every device.
+
+    `expert` is [S, N, T, …]: every seed has its own demonstrations (the same ones where they come from a file).
+    """
+    shard, place = _spread(len(seeds))
+    init = jax.jit(shard(over_seeds(trainer.init), in_specs=(SEED, SEED)))
+
+    @partial(jax.jit, static_argnums=2, donate_argnums=0)
+    def run_chunk(states: TrainState, expert: Expert, length: int) -> tuple[TrainState, Metrics]:
+        def on_device(states: TrainState, expert: Expert) -> tuple[TrainState, Metrics]:
+            def iteration(states: TrainState, _: None) -> tuple[TrainState, Metrics]:
+                return over_seeds(trainer.step)(states, expert)
+
+            states, metrics = jax.lax.scan(iteration, states, length=length)
+            return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)
+
+        states, metrics = shard(on_device, in_specs=(SEED, SEED))(states, expert)
+        return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)
+
+    return Runner(
+        init=lambda expert: init(place(seed_keys(seeds)), place(expert)),
+        run_chunk=lambda states, expert, length: run_chunk(place(states), place(expert), length),
+    )
+
+
+def make_evaluator(
+    evaluate: Callable[[TrainState, Expert, Any], Metrics], num_seeds: int
+) -> Callable[[TrainState, Expert, Any], Metrics]:
+    """`evaluate(state, expert, shared)` of every seed, [S, …]; `shared` is one for all. Spread as in training."""
+    shard, place = _spread(num_seeds)
+
+    def on_device(states: TrainState, expert: Expert, shared: Any) -> Metrics:
+        return over_seeds(lambda state, of_seed: evaluate(state, of_seed, shared))(states, expert)
+
+    judge = jax.jit(shard(on_device, in_specs=(SEED, SEED, PartitionSpec())))
+    return lambda states, expert, shared: judge(place(states), place(expert), shared)
+
+
+def _spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
+    """`jax.shard_map` of the leading axis over the devices, and what places a tree like that."""
+    mesh = jax.make_mesh((_shards(num_seeds),), ("seed",), axis_types=(AxisType.Auto,))
+    sharding = NamedSharding(mesh, SEED)
+    return partial(jax.shard_map, mesh=mesh, out_specs=SEED, check_vma=False), lambda tree: jax.device_put(tree, sharding)
+
+
+def _shards(num_seeds: int) -> int:
+    """The most devices that share the seeds evenly."""
+    return max(count for count in range(1, jax.device_count() + 1) if num_seeds % count == 0)

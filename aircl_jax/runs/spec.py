@@ -1,0 +1,166 @@
+"""All that determines a run's numbers, put together and checked before anything is computed or written."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from aircl_jax.demonstrations import files
+from aircl_jax.demonstrations.sources import REFERENCE_SEED
+from aircl_jax.methods import Method, get_method
+from aircl_jax.settings.checks import check_config
+from aircl_jax.settings.env_defaults import default_config
+from aircl_jax.settings.parse import at_least, plain, updated
+from aircl_jax.settings.train_config import TrainConfig
+from aircl_jax.types import Trajectory
+from envs import ENVS, Env, make_env
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A checked run.
+
+    `own` holds the user's demonstrations, `reference` what lies beside their file to score by; None where the
+    environment's own are used, and where nothing lies there. Without a name no run can be loaded: `named` is False.
+    """
+
+    env: Env
+    named: bool
+    env_settings: Mapping[str, Any]
+    method_name: str
+    method: Method
+    contrast_prior: str
+    seeds: tuple[int, ...]
+    config: TrainConfig
+    source: str
+    own: Trajectory | None
+    reference: Trajectory | None
+    digest: str  # of recorded or own demonstrations, and of the reference set beside the latter; else empty
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """As config.yaml holds them, and as a resumed run must repeat them."""
+        config = plain(asdict(self.config))
+        return {
+            "env": {"name": self.env.name, **plain(self.env_settings)} if self.named else {"name": self.env.name, "own": True},
+            "method": self.method_name,
+            "contrast_prior": self.contrast_prior,
+            "seeds": len(self.seeds),
+            "first_seed": self.seeds[0],
+            "iterations": config.pop("iterations"),
+            "demonstrations": {"source": self.source, "sha256": self.digest} if self.digest else self.source,
+            "train": config,
+        }
+
+    @property
+    def env_steps(self) -> int:
+        """Environment steps of one iteration, of the trajectories that enter an update, over all seeds."""
+        pool = self.config.pool if self.method.sampled_from == "pool" else 1
+        return len(self.seeds) * self.config.num_trajectories * pool * self.env.horizon
+
+
+def make_plan(
+    env: str | Env,
+    method: str,
+    *,
+    contrast_prior: Literal["method", "on", "off"],
+    seeds: int,
+    first_seed: int,
+    iterations: int | Literal["default"],
+    demonstrations: str | Path,
+    env_settings: Mapping[str, Any],
+    config: TrainConfig | Mapping[str, Any],
+) -> Plan:
+    """Resolve names, defaults and files. Raises ValueError, in one line, for whatever does not fit."""
+    if isinstance(env, Env) and env_settings:
+        raise ValueError(
+            f"env_settings are given beside the Env {env.name}, which has its own; choose make_env(name, **settings)"
+        )
+    world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
+    row = get_method(method, contrast_prior)
+    if not isinstance(config, TrainConfig):
+        config = updated(default_config(world.name, row.settings), config, "train")
+    if iterations != "default":
+        config = replace(config, iterations=at_least("iterations", iterations, 1))
+    check_config(config, "train")
+    if row.feasibility != "none" and (config.constraint_input, world.constraint_input) == ("action", "state"):
+        raise ValueError(
+            f"train.constraint_input=action: the constraint of env={world.name} reads states alone; choose env, or state_action"
+        )
+    count, first = at_least("seeds", seeds, 1), at_least("first_seed", first_seed, 0)
+    if first + count > REFERENCE_SEED:
+        raise ValueError(f"first_seed={first}, seeds={count}: a seed is too great; choose seeds below {REFERENCE_SEED}")
+    own, reference = _given(demonstrations, world)
+    unknown = not world.has_reward if own is None else np.isnan(own.reward).any()
+    if row.needs_true_reward and "contrast" in row.terms and unknown:
+        whose = f"env={world.name}" if own is None else f"demonstrations={demonstrations}"
+        raise ValueError(f"{whose}: reward is missing, which the contrast prior of {method} compares")
+    return Plan(
+        env=world,
+        named=not isinstance(env, Env),
+        env_settings=options,
+        method_name=method,
+        method=row,
+        contrast_prior=contrast_prior,
+        seeds=tuple(range(first, first + count)),
+        config=config,
+        source=str(demonstrations),
+        own=own,
+        reference=reference,
+        digest=_digest(*_read_for(world, own, reference)),
+    )
+
+
+def planned(settings: Mapping[str, Any]) -> Plan:
+    """The plan whose `settings` these are. Raises ValueError where a world or a file of then is not known now."""
+    env, demonstrations = dict(settings["env"]), settings["demonstrations"]
+    if "own" in env:
+        raise ValueError(
+            f"env={env['name']} was given as an Env, which a run does not keep; choose a run on a named environment"
+        )
+    plan = make_plan(
+        env.pop("name"),
+        settings["method"],
+        demonstrations=demonstrations if demonstrations == "default" else demonstrations["source"],
+        env_settings=env,
+        config=settings["train"],
+        **{name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")},
+    )
+    if plan.settings["demonstrations"] != demonstrations:
+        raise ValueError(f"demonstrations={plan.source} is not what the run had: the content has changed")
+    return plan
+
+
+def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, Any]]:
+    if name not in ENVS:
+        raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")
+    options = updated(ENVS[name].options(), settings, "env")
+    values = {field.name: getattr(options, field.name) for field in fields(options)}
+    return make_env(name, **values), values
+
+
+def _given(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Trajectory | None]:
+    """One's own D_E, and the reference set beside it, NAME_reference.npz, where the world knows none itself."""
+    if demonstrations == "default":
+        return None, None
+    beside = Path(demonstrations).with_name(f"{Path(demonstrations).stem}_reference.npz")
+    scored = not any((env.tabular, env.recorded, env.demonstrations)) and beside.is_file()
+    return files.load(demonstrations, env), files.load(beside, env) if scored else None
+
+
+def _read_for(env: Env, own: Trajectory | None, reference: Trajectory | None) -> list[Trajectory]:
+    """What is read from files of the user, whose content a resumed run must find again."""
+    if own is not None:
+        return [own] if reference is None else [own, reference]
+    return [] if env.recorded is None else [files.from_arrays(env.recorded.demonstrations(), env)]
+
+
+def _digest(*sets: Trajectory) -> str:
+    digest = hashlib.sha256()
+    for trajectories in sets:
+        for leaf in trajectories:
+            digest.update(np.ascontiguousarray(leaf).tobytes())
+    return digest.hexdigest() if sets else ""

@@ -1,0 +1,77 @@
+"""Frozen settings of a training run and their defaults per environment (the paper's Table 2, and ours)."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import jax
+from jaxtyping import Array, Float
+
+Scalar = float | Float[Array, ""]  # an array where it is traced
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Coefficients:
+    """The scalars that weigh or shape the loss terms. A pytree: they may be traced, so that a sweep over them is a `vmap`."""
+
+    contrast_coef: Scalar = 0.001  # φ of Eq. 13; Table 2
+    minimal_coef: Scalar = 0.001  # κ of the minimal-constraint term, Section 6; Table 2
+    cost_budget: Scalar = 0.0  # α of Eq. 10; a constant, so it moves the objective and no gradient
+    ratio_clip: Scalar = 1.0  # upper bound of Eq. 12's coefficient π(τ)(1 − D), which is a density and may be e^88
+    sampled_coef: Scalar = 0.25  # m: weight of D_S beside D_E as feasible, in the corrected trajectory-level term
+    sharpness: Scalar = 6.0  # k of the corrected test
+    threshold: Scalar = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
+    false_alarms: Scalar = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
+    sequence_ridge: Scalar = 0.0  # η: weight of z² of the corrected trajectory-level term
+    icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    learning_rate: Scalar = 5e-4  # Adam; Table 2
+    clip_eps: float = 0.1  # Table 2
+    num_epochs: int = 4
+    minibatch_size: int = 700  # transitions, rounded to whole trajectories; Table 2's "batch size"
+    discount: float = 0.99
+    gae_lambda: float = 0.95
+    value_coef: float = 0.5
+    max_grad_norm: float = 0.5
+    log_std_init: float = -0.7
+    log_std_min: float = -3.0  # log σ is a parameter, projected into these bounds after each update
+    log_std_max: float = 0.0
+
+
+@dataclass(frozen=True)
+class AdversaryConfig:
+    learning_rate: Scalar = 5e-4  # Adam; Table 2
+    num_steps: int = 4  # gradient steps on the reward and the feasibility per iteration
+    minibatch_size: int = 2500  # transitions of each set in a step, rounded to whole trajectories; all where there are fewer
+    replay_rate: float = 0.02  # probability per iteration that a replay slot is overwritten
+    sampler: Literal["resample", "reject"] = "resample"  # how D_S is drawn from D_P by δ̄
+    trajectory_logit: Literal["sum", "mean"] = "sum"  # the literal rows' f(τ) and log π(τ) inside D; the paper's is the sum
+    contrast_reward: Literal["sum", "mean"] = "sum"  # f(τ) in Eq. 13; the paper's is the sum
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    iterations: int = 250
+    num_trajectories: int = 70  # N: trajectories of D_P a round; Table 2's "sampled trajectory"
+    num_demonstrations: int = 70  # trajectories of D_E where the expert is sampled; Table 2's "expert trajectory"
+    pool: int = 1  # the rows that draw D_S from a pool collect pool × N trajectories a round
+    hidden: tuple[int, ...] = (32, 32)  # every network; Table 2
+    step_network: Literal["joint", "additive"] = "joint"  # δ₁'s logit: of all coordinates, or a sum of one network for each
+    additive_hidden: tuple[int, ...] = (16, 16)  # of each coordinate's network
+    encoder: Literal["attention", "gru"] = "attention"  # of the trajectory-level feasibility: how it sees order
+    reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
+    reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded f runs away; 0: none
+    constraint_input: Literal["env", "state", "action", "state_action"] = "env"  # of δ̄; env: as the environment says
+    warm_start: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
+    warm_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
+    waiting: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn to judge a clone before it moves
+    annealing: int = 0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
+    temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
+    num_evaluation: int = 500  # fresh episodes at each evaluation
+    chunk: int = 25  # iterations between two checkpoints, log flushes and evaluations
+    ppo: PPOConfig = field(default_factory=PPOConfig)
+    adversary: AdversaryConfig = field(default_factory=AdversaryConfig)
+    coefficients: Coefficients = field(default_factory=Coefficients)

@@ -1,0 +1,262 @@
+"""Meerkats as a Markov decision process over codes, from tables of tracks or from the simulated mob.
+
+State: the code now, one-hot; action: the code one row later; the action is the next state. Step t of a window has obs
+one_hot(c_t) and action c_{t+1}, so that a window of T steps needs T + 1 codes (`envs.animals.windows`).
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+
+from envs.animals import simulated_meerkats
+from envs.animals.columns import Mapping, load_mapping
+from envs.animals.data_folder import data_folder
+from envs.animals.tracks import Tracks, read_folder
+from envs.animals.windows import Windows, code_rows, cut_windows
+from envs.base import Codes, Discrete, Env, Recorded, Step, Tabular
+from envs.options import MeerkatOptions
+
+Split = Literal["all", "train", "held_out"]
+Transition = Callable[[PRNGKeyArray, Int[Array, ""], Int[Array, ""]], tuple[Int[Array, ""], Step]]
+
+MOST_NEIGHBOURS = 3  # counts above are counted as this, which keeps the states of env.state=place few
+BACK_OFF = 1.0  # rows that P(x'|x) weighs beside the rows seen in (x, a)
+REFERENCE_SEED = 1  # of the simulated mob without its constraint
+
+
+class Herd(NamedTuple):
+    """The windows of one world; `truth` is None for real animals."""
+
+    windows: Windows
+    truth: simulated_meerkats.Truth | None
+    impossible: Bool[np.ndarray, "C C"]  # [from code, to code] that cameras and coding rule out
+
+
+def load(options: MeerkatOptions) -> Herd:
+    """Read, validate, code and cut the tables, or simulate. ValueError as from `envs.animals.tracks`, or for a bad setting."""
+    if options.horizon < 1:
+        raise ValueError(f"env.horizon={options.horizon}: an episode needs at least 1 step")
+    folder = data_folder(options.data, "meerkat")
+    if folder is None and options.mapping != MeerkatOptions.mapping:
+        raise ValueError(f"env.mapping={options.mapping} has no tables to read; give env.data=DIR, or set AIRCL_DATA")
+    return _load(options, folder)
+
+
+@lru_cache(maxsize=2)
+def _tracks(folder: Path | None, name: str) -> tuple[Tracks, Mapping]:
+    if folder is None:
+        return simulated_meerkats.simulated_tracks(), simulated_meerkats.MAPPING
+    mapping = load_mapping(name)
+    return read_folder(folder, mapping), mapping
+
+
+@lru_cache(maxsize=8)
+def _load(options: MeerkatOptions, folder: Path | None) -> Herd:
+    tracks, mapping = _tracks(folder, options.mapping)
+    windows = cut_windows(code_rows(tracks, mapping, options.coding, options.pups), tracks, options.horizon)
+    known = folder is None and options.coding == "bout" and not options.pups and options.state == "code"
+    truth = simulated_meerkats.truth() if known else None
+    return Herd(windows, truth, _impossible(windows, mapping, options) if truth is None else truth.structural)
+
+
+def _impossible(windows: Windows, mapping: Mapping, options: MeerkatOptions) -> Bool[np.ndarray, "C C"]:
+    """Pairs of codes that no one camera sees, and two moves in a row, which are one bout."""
+    size, sites = len(windows.names), np.unique(windows.site)
+    seen = np.array([np.isin(np.arange(size), windows.code[windows.site == site]) for site in sites])
+    together = (seen[:, :, None] & seen[:, None, :]).any(axis=0)
+    moves = np.array([name == mapping.moving or name.startswith("moving to ") for name in windows.names])
+    two_moves = np.outer(moves, moves) & ~np.eye(size, dtype=bool) if options.coding == "bout" else np.zeros_like(together)
+    return ~together | two_moves
+
+
+def make_meerkat(options: MeerkatOptions) -> Env:
+    """The world of the windows; the simulated mob alone has a true reward and cost. ValueError as from `load`."""
+    herd = load(options)
+    table = {"code": _code_table, "place": _place_table}[options.state](herd)
+    step = _code_step(herd, table) if options.state == "code" else _table_step(table)
+
+    def reset(key: PRNGKeyArray) -> tuple[Int[Array, ""], Float[Array, " O"]]:
+        state = jax.random.categorical(key, jnp.log(table.start))
+        return state, table.obs[state]
+
+    return Env(
+        name="meerkat",
+        horizon=options.horizon,
+        obs_size=table.obs.shape[1],
+        action_space=Discrete(len(herd.windows.names)),
+        reset=reset,
+        step=step,
+        constraint_input="state_action",
+        simulated=data_folder(options.data, "meerkat") is None,
+        has_reward=herd.truth is not None,
+        tabular=table,
+        recorded=Recorded(
+            demonstrations=lambda: demonstrations(options, options.split),
+            reference=(lambda: reference_set(options)) if herd.truth is not None else None,
+        ),
+        codes=Codes(herd.windows.names, herd.impossible) if options.state == "code" else None,
+    )
+
+
+def _truth_arrays(
+    truth: simulated_meerkats.Truth | None, size: int
+) -> tuple[Float[np.ndarray, "C C"], Float[np.ndarray, "C C"]]:
+    """True reward and cost [from code, to code], NaN where nothing is known."""
+    if truth is None:
+        return np.full((size, size), np.nan), np.full((size, size), np.nan)
+    return truth.reward, truth.forbidden.astype(float)
+
+
+def _code_table(herd: Herd) -> Tabular:
+    """States 0 … C − 1: the code; C … 2C − 1: the code, entered by a forbidden transition (simulated mob only).
+
+    `cost` is thus met one step after the forbidden transition, where `step` charges it at once.
+    """
+    reward, cost = _truth_arrays(herd.truth, len(herd.windows.names))
+    size, copies = len(reward), 1 if herd.truth is None else 2
+    entered = np.nan_to_num(cost).astype(int)  # by a forbidden transition
+    transition = np.zeros((size, size, copies, size))
+    code, action = np.indices((size, size))
+    transition[code, action, entered, action] = 1.0
+    start = np.zeros(copies * size)
+    start[:size] = np.bincount(herd.windows.code[:, 0], minlength=size) / len(herd.windows.code)
+    flagged = np.arange(copies * size) >= size
+    return _tabular(
+        np.tile(transition.reshape(size, size, copies * size), (copies, 1, 1)),
+        np.tile(reward, (copies, 1)),
+        flagged if herd.truth is not None else None,
+        start,
+        np.tile(np.eye(size), (copies, 1)),
+    )
+
+
+def _tabular(
+    transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray | None, start: np.ndarray, obs: np.ndarray
+) -> Tabular:
+    """Nothing is forbidden where no truth is known, and the cost is NaN."""
+    nothing = np.zeros(len(start))
+    cost, barred = (nothing + np.nan, nothing) if forbidden is None else (forbidden, forbidden)
+    arrays = (transition, reward, cost, barred, start, obs, nothing)
+    return Tabular(*(jnp.asarray(array, jnp.float32) for array in arrays))
+
+
+def _code_step(herd: Herd, table: Tabular) -> Transition:
+    reward, cost = (jnp.asarray(array, jnp.float32) for array in _truth_arrays(herd.truth, len(herd.windows.names)))
+    size = len(reward)
+    entered = jnp.nan_to_num(cost).astype(jnp.int32)
+
+    def step(key: PRNGKeyArray, state: Int[Array, ""], action: Int[Array, ""]) -> tuple[Int[Array, ""], Step]:
+        code = state % size
+        successor = action + size * entered[code, action]
+        return successor, Step(table.obs[successor], reward[code, action], cost[code, action], jnp.zeros(()))
+
+    return step
+
+
+def _place_states(windows: Windows) -> Int[np.ndarray, "N L"]:
+    """x = (place, close neighbours, distant neighbours), both counts cut at MOST_NEIGHBOURS."""
+    levels = MOST_NEIGHBOURS + 1
+    close, distant = (np.minimum(count, MOST_NEIGHBOURS) for count in (windows.close, windows.distant))
+    return (windows.place * levels + close) * levels + distant
+
+
+def _place_obs(windows: Windows) -> Float[np.ndarray, "X O"]:
+    """One-hot place, then both counts as shares of MOST_NEIGHBOURS."""
+    levels = MOST_NEIGHBOURS + 1
+    place, rest = np.divmod(np.arange(len(windows.places) * levels**2), levels**2)
+    counts = np.stack(np.divmod(rest, levels), axis=1) / MOST_NEIGHBOURS
+    return np.concatenate([np.eye(len(windows.places))[place], counts], axis=1)
+
+
+def _place_table(herd: Herd) -> Tabular:
+    """Places and neighbours with P(x'|x, a) by frequency, backed off to P(x'|x); the action is the code now.
+
+    After the state of Gendron et al. 2024. There is no true reward here: the simulated mob's is one of codes.
+    """
+    windows = herd.windows
+    if not windows.places:
+        raise ValueError("env.state=place needs a mapping with a place; choose code")
+    state, obs = _place_states(windows), _place_obs(windows)
+    size, actions = len(obs), len(windows.names)
+    counts = np.zeros((size, actions, size))
+    np.add.at(counts, (state[:, :-1].ravel(), windows.code[:, :-1].ravel(), state[:, 1:].ravel()), 1.0)
+    of_state = counts.sum(axis=1) + np.eye(size)
+    prior = BACK_OFF * of_state / of_state.sum(axis=1, keepdims=True)
+    transition = (counts + prior[:, None]) / (counts.sum(axis=2, keepdims=True) + BACK_OFF)
+    start = np.bincount(state[:, 0], minlength=size) / len(state)
+    return _tabular(transition, np.full((size, actions), np.nan), None, start, obs)
+
+
+def _table_step(table: Tabular) -> Transition:
+    log_transition = jnp.log(table.transition)
+
+    def step(key: PRNGKeyArray, state: Int[Array, ""], action: Int[Array, ""]) -> tuple[Int[Array, ""], Step]:
+        successor = jax.random.categorical(key, log_transition[state, action])
+        return successor, Step(table.obs[successor], table.reward[state, action], table.cost[state], jnp.zeros(()))
+
+    return step
+
+
+def demonstrations(options: MeerkatOptions, split: Split = "all") -> dict[str, np.ndarray]:
+    """obs [N, T, O], action, mask, reward, cost [N, T] of all windows, or those outside or inside the held-out fold.
+
+    Raises ValueError for a fold that is not there.
+    """
+    herd = load(options)
+    number = len(herd.windows.code)
+    held_out = np.isin(herd.windows.recording, held_out_recordings(options)) if split != "all" else np.ones(number, bool)
+    return _arrays(herd.windows, herd.truth, options.state, np.flatnonzero(held_out != (split == "train")))
+
+
+def held_out_recordings(options: MeerkatOptions) -> tuple[str, ...]:
+    """Fold k of R // 2: recordings k and k + R // 2 in order of camera and name; one of each camera if these are even.
+
+    Raises ValueError for a fold that is not there.
+    """
+    windows = load(options).windows
+    site = dict(zip(windows.recording.tolist(), windows.site.tolist(), strict=True))
+    ordered = sorted(site, key=lambda recording: (site[recording], recording))
+    folds = len(ordered) // 2
+    if len(ordered) < 3:
+        raise ValueError(f"{len(ordered)} recordings cannot be split: two are held out and one must be left to learn from")
+    if not 0 <= options.fold < folds:
+        raise ValueError(f"env.fold={options.fold}: {len(ordered)} recordings give folds 0 to {folds - 1}")
+    return ordered[options.fold], ordered[options.fold + folds]
+
+
+def reference_set(options: MeerkatOptions) -> dict[str, np.ndarray]:
+    """Windows of the simulated mob without its constraint, with their true costs, to score a recovered feasibility by.
+
+    Raises ValueError where no truth is known: for real animals, another coding or another state.
+    """
+    truth = load(options).truth
+    if truth is None:
+        raise ValueError("env=meerkat has a reference set only simulated, with env.coding=bout and env.state=code")
+    tracks = simulated_meerkats.simulated_tracks(REFERENCE_SEED, constrained=False)
+    windows = cut_windows(code_rows(tracks, simulated_meerkats.MAPPING), tracks, options.horizon)
+    return _arrays(windows, truth, "code", np.arange(len(windows.code)))
+
+
+def _arrays(
+    windows: Windows, truth: simulated_meerkats.Truth | None, state: Literal["code", "place"], rows: Int[np.ndarray, " M"]
+) -> dict[str, np.ndarray]:
+    code = windows.code[rows]
+    now, after = code[:, :-1], code[:, 1:]
+    if state == "place":
+        obs, action = _place_obs(windows)[_place_states(windows)[rows, :-1]], now
+    else:
+        obs, action = np.eye(len(windows.names))[now], after
+    reward, cost = _truth_arrays(truth, len(windows.names))
+    return {
+        "obs": obs.astype(np.float32),
+        "action": action.astype(np.int32),
+        "mask": np.ones(now.shape, np.float32),
+        "reward": reward[now, after].astype(np.float32),
+        "cost": cost[now, after].astype(np.float32),
+    }

@@ -1,0 +1,186 @@
+"""From tracks to windows of codes: gap-free segments, "moving to PLACE" states, windows, a report of what was left."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+
+from envs.animals.columns import Mapping
+from envs.animals.tracks import Tracks
+
+Coding = Literal["bout", "step"]
+
+STAYS = -1  # no place is moved to
+
+
+@dataclass(frozen=True)
+class Report:
+    """What became of the rows: of other groups, in short segments, after the last window or used; these add up."""
+
+    recordings: int
+    rows: int
+    rows_of_other_groups: int  # pups: their behaviour is not annotated
+    rows_without_coordinates: int  # of all rows; masked, not dropped
+    tracks: int  # kept, each unique in its recording only
+    segments: int  # gap-free runs of a track
+    longest_segment: int  # rows
+    rows_in_short_segments: int  # segments shorter than one window
+    rows_after_last_window: int  # the rest of longer segments
+    rows_used: int
+    windows: int
+
+    def lines(self) -> Iterator[str]:
+        yield from (f"{name.replace('_', ' ')}: {value:,}" for name, value in asdict(self).items())
+
+
+class Windows(NamedTuple):
+    """Windows of L = horizon + 1 rows; neighbouring windows share one row: no transition is lost or repeated."""
+
+    code: Int[np.ndarray, "N L"]
+    place: Int[np.ndarray, "N L"]  # index into `places`
+    close: Int[np.ndarray, "N L"]  # neighbours
+    distant: Int[np.ndarray, "N L"]
+    recording: Shaped[np.ndarray, " N"]
+    site: Shaped[np.ndarray, " N"]
+    names: tuple[str, ...]  # of the codes
+    places: tuple[str, ...]
+    report: Report
+
+
+class Coded(NamedTuple):
+    """The rows kept, each with its gap-free segment, its code and its place."""
+
+    tracks: Tracks
+    segment: Int[np.ndarray, " R"]
+    code: Int[np.ndarray, " R"]
+    place: Int[np.ndarray, " R"]
+    names: tuple[str, ...]
+    places: tuple[str, ...]
+
+
+def code_rows(tracks: Tracks, mapping: Mapping, coding: Coding = "bout", other_groups: bool = False) -> Coded:
+    """Codes of the rows kept: behaviours, then "moving to PLACE" for every place, then one for what was not annotated.
+
+    `bout`: a whole run of moving that ends elsewhere (the place of the first row after it, or of its last row at the
+    end of its segment) becomes moving to that place; other moving stays plain. `step`: only the row before the place
+    changes does.
+    """
+    others = np.isin(tracks.group, mapping.other_groups) if mapping.other_groups else np.zeros(len(tracks.time), dtype=bool)
+    rows = tracks if other_groups else tracks.take(~others)
+    behaviours = mapping.behaviours or _by_share(tracks.behaviour[~others])
+    places = mapping.places or tuple(sorted(set(tracks.place.tolist()) - {""}))
+    names = behaviours + (tuple(f"moving to {place}" for place in places) if mapping.moving else ())
+    index = {name: code for code, name in enumerate(behaviours)}
+    if other_groups and mapping.other_groups:
+        index[mapping.no_behaviour] = len(names)
+        names += (f"{'/'.join(mapping.other_groups)}: not annotated",)
+    place_index = {name: code for code, name in enumerate(places)}
+    behaviour = np.array([index[name] for name in rows.behaviour.tolist()])
+    place = np.array([place_index.get(name, STAYS) for name in rows.place.tolist()])
+    new_track = (rows.recording[1:] != rows.recording[:-1]) | (rows.individual[1:] != rows.individual[:-1])
+    gap = ~np.isclose(np.diff(rows.time), mapping.step)
+    segment = np.append(0, np.cumsum(new_track | gap))
+    target = _TARGETS[coding](behaviour, place, segment) if mapping.moving else np.full(len(behaviour), STAYS)
+    moving_there = (behaviour == index.get(mapping.moving, STAYS)) & (target != STAYS)
+    return Coded(rows, segment, np.where(moving_there, len(behaviours) + target, behaviour), place, names, places)
+
+
+def _by_share(labels: Shaped[np.ndarray, " R"]) -> tuple[str, ...]:
+    """Labels by falling frequency, ties by name."""
+    names, counts = np.unique(labels, return_counts=True)
+    return tuple(names[np.lexsort((names, -counts))].tolist())
+
+
+def _bout_target(
+    behaviour: Int[np.ndarray, " R"], place: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]
+) -> Int[np.ndarray, " R"]:
+    """Where the bout of each row ends, if that is another place than where it begins."""
+    begins = _run_starts(behaviour, segment)
+    first = np.flatnonzero(begins)
+    last = np.append(first[1:] - 1, len(begins) - 1)
+    after = np.minimum(last + 1, len(begins) - 1)
+    end = np.where(segment[after] == segment[last], place[after], place[last])
+    return np.where(end != place[first], end, STAYS)[np.cumsum(begins) - 1]
+
+
+def _step_target(
+    behaviour: Int[np.ndarray, " R"], place: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]
+) -> Int[np.ndarray, " R"]:
+    """The place one row later, if that is another one."""
+    after = np.append(place[1:], STAYS)
+    continues = np.append(segment[1:] == segment[:-1], False)
+    return np.where(continues & (after != place), after, STAYS)
+
+
+_TARGETS = {"bout": _bout_target, "step": _step_target}
+
+
+def _run_starts(values: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]) -> Bool[np.ndarray, " R"]:
+    """True at the first row of every run of equal values inside a segment."""
+    same = (values[1:] == values[:-1]) & (segment[1:] == segment[:-1])
+    return np.append(np.ones(min(len(values), 1), dtype=bool), ~same)
+
+
+class Transitions(NamedTuple):
+    """Every change of code inside a segment: from the first row of one bout to the first row of the next."""
+
+    source: Int[np.ndarray, " M"]
+    target: Int[np.ndarray, " M"]
+    start: Float[np.ndarray, "M 3"]  # position where the first bout begins, NaN where unknown
+    end: Float[np.ndarray, "M 3"]  # position where the second begins
+    recording: Shaped[np.ndarray, " M"]
+    site: Shaped[np.ndarray, " M"]
+
+
+def transitions(coded: Coded) -> Transitions:
+    """The behaviour transitions of the paper's Section 6, with the positions of their two onsets."""
+    onset = np.flatnonzero(_run_starts(coded.code, coded.segment))
+    inside = coded.segment[onset[1:]] == coded.segment[onset[:-1]]
+    source, target = onset[:-1][inside], onset[1:][inside]
+    return Transitions(
+        source=coded.code[source],
+        target=coded.code[target],
+        start=coded.tracks.position[source],
+        end=coded.tracks.position[target],
+        recording=coded.tracks.recording[source],
+        site=coded.tracks.site[source],
+    )
+
+
+def cut_windows(coded: Coded, tracks: Tracks, horizon: int = 30) -> Windows:
+    """Windows of horizon + 1 coded rows of `tracks`, every `horizon` rows of a segment. ValueError if none."""
+    size = np.bincount(coded.segment)
+    first = np.append(0, np.cumsum(size)[:-1])
+    number = (size - 1) // horizon
+    starts = np.concatenate([first[k] + horizon * np.arange(number[k]) for k in range(len(size))])
+    if not len(starts):
+        raise ValueError(f"no segment of {horizon + 1} rows without a gap; the longest has {size.max()}: shorten the horizon")
+    rows = starts[:, None] + np.arange(horizon + 1)
+    used = int((number * horizon + (number > 0)).sum())
+    short = int(size[number == 0].sum())
+    report = Report(
+        recordings=len(np.unique(tracks.recording)),
+        rows=len(tracks.time),
+        rows_of_other_groups=len(tracks.time) - len(coded.code),
+        rows_without_coordinates=int(np.isnan(tracks.position[:, 0]).sum()),
+        tracks=len(set(zip(coded.tracks.recording.tolist(), coded.tracks.individual.tolist(), strict=True))),
+        segments=len(size),
+        longest_segment=int(size.max()),
+        rows_in_short_segments=short,
+        rows_after_last_window=len(coded.code) - short - used,
+        rows_used=used,
+        windows=len(starts),
+    )
+    return Windows(
+        code=coded.code[rows],
+        place=coded.place[rows],
+        close=coded.tracks.close[rows],
+        distant=coded.tracks.distant[rows],
+        recording=coded.tracks.recording[starts],
+        site=coded.tracks.site[starts],
+        names=coded.names,
+        places=coded.places,
+        report=report,
+    )

@@ -1,0 +1,50 @@
+"""Worlds that an expert practises in: weaker motors, restarts in place of an end, clipped actions."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from envs import Env, Step
+
+RESTART = -1.0  # cost of the step that puts a fallen body back on its feet: no step of the task, and masked
+
+
+def weakened(env: Env, limit: Float[Array, ""]) -> Env:
+    """The same world with motors that stop at ±limit; to ask for more costs what going beyond a torque limit costs."""
+
+    def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
+        state, result = env.step(key, state, jnp.clip(action, -limit, limit))
+        asked = (jnp.abs(action) > limit).any().astype(result.cost.dtype)
+        return state, result._replace(cost=jnp.maximum(result.cost, asked))
+
+    return replace(env, step=step)
+
+
+def restarting(env: Env, fall_cost: float) -> Env:
+    """The same world without an end: terminating costs `fall_cost`, and the next step resets and is masked."""
+
+    def reset(key: PRNGKeyArray) -> tuple[Any, Float[Array, " O"]]:
+        state, obs = env.reset(key)
+        return (state, jnp.zeros(())), obs
+
+    def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
+        inner, fallen = state
+        moved, result = env.step(key, inner, action)
+        risen, obs = env.reset(key)
+        again = Step(obs, jnp.zeros(()), jnp.full((), RESTART), jnp.zeros(()))
+        pick = partial(jnp.where, fallen > 0)
+        ended = pick(0.0, result.terminated)
+        lasting = result._replace(cost=jnp.maximum(result.cost, fall_cost * result.terminated), terminated=jnp.zeros(()))
+        shown = jax.tree.map(pick, again, lasting)
+        return (jax.tree.map(pick, risen, moved), ended), shown
+
+    return replace(env, reset=reset, step=step)
+
+
+def clipped_world(env: Env, limit: float) -> Env:
+    """The same world for whom every action is clipped to ±limit first."""
+    return replace(env, step=lambda key, state, action: env.step(key, state, jnp.clip(action, -limit, limit)))

@@ -1,0 +1,152 @@
+"""Swimmer, walker and pendulum: one adapter over the rows of `envs.robots.tasks.ROBOTS` (docs/physics.md)."""
+
+import contextlib
+import importlib
+import io
+from collections.abc import Callable
+from importlib import resources
+from types import ModuleType
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from envs.base import Env, Step
+from envs.options import RobotOptions
+from envs.robots.bodies import Body
+from envs.robots.constraints import find_constraint
+from envs.robots.planar.dynamics import planar_physics
+from envs.robots.tasks import ROBOTS, RobotState
+
+DIVERGED = 1e3  # m, rad, m/s or rad/s; no body comes near it, so a state beyond it, or not finite, is no physics
+ABSENT_WARP = ("Failed to import warp", "Failed to import mujoco_warp")  # what MJX prints on standard output
+
+Vector = Float[Array, " V"]
+Physics = Callable[[Vector, Vector, Float[Array, " A"]], tuple[Vector, Vector]]
+
+
+def make_swimmer(options: RobotOptions) -> Env:
+    """The swimmer: three links in a viscous fluid. Raises ValueError on a wrong setting."""
+    return _make("swimmer", options)
+
+
+def make_walker(options: RobotOptions) -> Env:
+    """The two-legged walker. Raises ValueError on a wrong setting."""
+    return _make("walker", options)
+
+
+def make_pendulum(options: RobotOptions) -> Env:
+    """The inverted pendulum on a cart. Raises ValueError on a wrong setting."""
+    return _make("pendulum", options)
+
+
+def _make(name: str, options: RobotOptions) -> Env:
+    constraint = find_constraint(options.constraint, name)
+    limit = constraint.limit if isinstance(options.limit, str) else float(options.limit)
+    body, box, task = ROBOTS[name].body, ROBOTS[name].action_space, ROBOTS[name].tasks[constraint.task]
+    model = compile_model(body, options.integrator)
+    physics = ENGINES[options.engine](model, body, options.integrator)
+    dt = float(model.opt.timestep) * body.frame_skip
+    rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
+
+    def reset(key: PRNGKeyArray) -> tuple[RobotState, Float[Array, " O"]]:
+        """The rest pose plus uniform noise on qpos and qvel (Gymnasium)."""
+        noise = jax.random.uniform(key, (2 * model.nv,), minval=-body.reset_noise, maxval=body.reset_noise)
+        state = _add(rest, noise)
+        return state, task.observe(state)
+
+    def step(key: PRNGKeyArray, state: RobotState, action: Float[Array, " A"]) -> tuple[RobotState, Step]:
+        """One control step: reward before the transition noise; observation, cost and end after it."""
+        action = box.clip(action)
+        moved = RobotState(*physics(state.qpos, state.qvel, action))
+        sound = jnp.abs(jnp.concatenate(moved)).max() < DIVERGED  # False for NaN too
+        moved = jax.tree.map(lambda new, safe: jnp.where(sound, new, safe), moved, rest)
+        after = _add(moved, options.noise * jax.random.normal(key, (2 * model.nv,)))
+        fallen = ~task.healthy(after) if options.terminate else jnp.zeros((), bool)
+        return after, Step(
+            obs=task.observe(after),
+            reward=jnp.where(sound, task.reward(state, moved, action, dt), 0.0),
+            cost=(sound & constraint.violated(after.qpos, action, limit)).astype(jnp.float32),
+            terminated=(~sound | fallen).astype(jnp.float32),
+        )
+
+    return Env(
+        name=name,
+        horizon=options.horizon,
+        obs_size=task.observe(rest).size,
+        action_space=box,
+        reset=reset,
+        step=step,
+        constraint_input=constraint.of,
+        demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
+        coordinates=_coordinates(model, task.observe(rest).size),
+        motors=tuple(f"motor {_spoken(model.joint(model.actuator(index).trnid[0]).name)}" for index in range(model.nu)),
+    )
+
+
+def _coordinates(model: Any, number: int) -> tuple[str, ...]:
+    """Names of the joints that are observed, the last of them, and of all their velocities."""
+    joints = [_spoken(model.joint(index).name) for index in range(model.njnt)]
+    return (*joints[len(joints) - (number - model.nv) :], *(f"velocity of {name}" for name in joints))
+
+
+def _spoken(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _shipped(name: str) -> str | None:
+    """The name, where envs/demonstrations holds such a file: made under the constraint's default limit."""
+    return name if (resources.files("envs") / "demonstrations" / f"{name}.npz").is_file() else None
+
+
+def _add(state: RobotState, noise: Float[Array, " N"]) -> RobotState:
+    return RobotState(state.qpos + noise[: state.qpos.size], state.qvel + noise[state.qpos.size :])
+
+
+def compile_model(body: Body, integrator: str) -> Any:
+    """The body's compiled `MjModel`, with the solver settings of its row."""
+    mujoco: Any = importlib.import_module("mujoco")
+    model = mujoco.MjModel.from_xml_string(body.mjcf)
+    model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    model.opt.iterations, model.opt.ls_iterations = body.iterations, body.ls_iterations
+    if not body.contacts:
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return model
+
+
+def mjx_physics(model: Any, body: Body, integrator: str) -> Physics:
+    """One control step by `mjx.step`; the engine that `planar` is tested against."""
+    mjx = import_mjx()
+    device_model = mjx.put_model(model)
+    template = mjx.make_data(device_model)
+
+    def physics(qpos: Vector, qvel: Vector, action: Float[Array, " A"]) -> tuple[Vector, Vector]:
+        def substep(carry: tuple[Vector, Vector, Vector], _: None) -> tuple[tuple[Vector, Vector, Vector], None]:
+            qpos, qvel, guess = carry
+            data = template.replace(qpos=qpos, qvel=qvel, ctrl=action, qacc_warmstart=guess)
+            data = mjx.step(device_model, data)
+            return (data.qpos, data.qvel, data.qacc_warmstart), None
+
+        (qpos, qvel, _), _ = jax.lax.scan(substep, (qpos, qvel, jnp.zeros_like(qvel)), None, length=body.frame_skip)
+        return qpos, qvel
+
+    return physics
+
+
+def _planar(model: Any, body: Body, integrator: str) -> Physics:
+    return planar_physics(model, integrator, body.frame_skip, body.newton_steps)
+
+
+ENGINES: dict[str, Callable[[Any, Body, str], Physics]] = {"planar": _planar, "mjx": mjx_physics}
+
+
+def import_mjx() -> ModuleType:
+    """`mujoco.mjx`, imported late (it takes seconds) and without its two lines about an absent warp."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        mjx = importlib.import_module("mujoco.mjx")
+    for line in printed.getvalue().splitlines():
+        if not line.startswith(ABSENT_WARP):
+            print(line)
+    return mjx

@@ -1,0 +1,251 @@
+"""How fast is it here: `python -m experiments.benchmark env=gridworld` prints steps per second, start-up, memory and parts.
+
+Settings, as NAME=VALUE: env, method, seeds, chunk (iterations that are timed; 0: the row's own), epochs (of PPO; 0: the row's
+own), integrator (of robots), and peer: true also measures the AIRL of the library imitation on a robot, in an environment of
+its own (`make .venv-peer/.installed`).
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any, Literal
+
+from experiments.cli.words import parse
+
+REPEATS = 5  # of each timing; the median is printed
+PEERS = {"swimmer": "Swimmer-v4", "walker": "Walker2d-v4", "pendulum": "InvertedPendulum-v4"}  # as Gymnasium calls them
+PEER_PYTHON = Path(".venv-peer/bin/python")
+CHUNKS = 2  # of a timed run; the first compiles and is left out
+
+
+@dataclass(frozen=True)
+class Settings:
+    env: str = "gridworld"
+    method: str = "aircl_corrected"
+    seeds: int = 10
+    chunk: int = 0
+    epochs: int = 0
+    integrator: Literal["euler", "rk4"] = "euler"
+    peer: bool = False
+
+    @property
+    def env_settings(self) -> dict[str, Any]:
+        return {"integrator": self.integrator} if self.env in PEERS else {}
+
+    @property
+    def training(self) -> dict[str, Any]:
+        own = {"chunk": self.chunk} if self.chunk else {}
+        return own | ({"ppo": {"num_epochs": self.epochs}} if self.epochs else {})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure and print; 0 done, 2 bad input."""
+    try:
+        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
+        rows = measure(settings)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    import jax
+
+    print(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
+    for name, value in rows.items():
+        print(f"  {name:<58} {value}")
+    return 0
+
+
+def measure(settings: Settings) -> dict[str, str]:
+    """Each line of the report, as text."""
+    if settings.peer and settings.env not in PEERS:
+        raise ValueError(f"peer=true: env={settings.env} is no world of Gymnasium's; choose from {', '.join(PEERS)}")
+    if settings.peer and not PEER_PYTHON.exists():
+        raise ValueError(f"peer=true: {PEER_PYTHON} is missing; make it with: make .venv-peer/.installed")
+    if settings.integrator != "euler" and settings.env not in PEERS:
+        raise ValueError(f"integrator={settings.integrator}: env={settings.env} has none; choose from {', '.join(PEERS)}")
+    rows, fastest = {}, 0.0
+    for seeds in dict.fromkeys((settings.seeds, 1)):
+        steps, compiling = throughput(settings, seeds)
+        fastest = max(fastest, steps)
+        rows[f"whole training, {seeds} seed(s), env steps/s"] = f"{steps:,.0f}"
+        rows[f"  tracing and compiling, {seeds} seed(s), s"] = f"{compiling:.1f}"
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    rows |= parts(settings)
+    if settings.peer:
+        theirs = peer(settings)
+        rows["AIRL of imitation, one seed, env steps/s"] = f"{theirs:,.0f}"
+        rows["  ours is faster by"] = f"{fastest / theirs:.1f}"
+    rows["second start until the first iteration is on disk, s"] = f"{second_start(settings):.1f}"
+    rows["peak memory of this process after both trainings, GiB"] = f"{memory:.2f}"
+    return rows
+
+
+def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
+    """`env_steps_per_s` and `compile_s` of a run with its checkpoints and metrics, as its summary states them."""
+    from aircl_jax import train
+    from aircl_jax.methods import get_method
+    from aircl_jax.settings.env_defaults import default_config
+
+    chunk = settings.chunk or default_config(settings.env, get_method(settings.method).settings).chunk
+    with tempfile.TemporaryDirectory() as place:
+        result = train(
+            settings.env,
+            settings.method,
+            seeds=seeds,
+            iterations=CHUNKS * chunk,
+            run_dir=Path(place) / "run",
+            env_settings=settings.env_settings,
+            config=settings.training,
+        )
+    return result.summary["env_steps_per_s"], result.summary["compile_s"]
+
+
+def parts(settings: Settings) -> dict[str, str]:
+    """Milliseconds of one iteration's parts for one seed on one device, each compiled alone, and the whole step's ratio."""
+    import jax
+
+    from aircl_jax.algorithm import adversary
+    from aircl_jax.algorithm.learners import ppo
+    from aircl_jax.algorithm.policy_reward import policy_reward
+    from aircl_jax.algorithm.rollout import rollouts
+    from aircl_jax.algorithm.terms.logits import Batches
+    from aircl_jax.algorithm.trainer import make_trainer
+    from aircl_jax.demonstrations.sources import demonstrations
+    from aircl_jax.methods import get_method
+    from aircl_jax.model.networks import make_networks
+    from aircl_jax.settings.env_defaults import default_config
+    from aircl_jax.settings.parse import updated
+    from envs import make_env
+
+    env, method = make_env(settings.env, **settings.env_settings), get_method(settings.method)
+    config = updated(default_config(settings.env, method.settings), settings.training)
+    trainer, nets = make_trainer(env, method, config), make_networks(env, method, config)
+    expert = jax.tree.map(lambda leaf: leaf[0], demonstrations(env, [0], config)[0])
+    state = jax.jit(trainer.init)(jax.random.key(0), expert)
+    params, stats, number = state.params, state.obs_stats, config.num_trajectories * config.pool
+
+    policy, rolling = _timed(lambda key: rollouts(env, nets, params, stats, key, number), state.key)
+    head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
+    (reward, bonus), relabelling = _timed(lambda one: policy_reward(nets, params, stats, expert, one), policy)
+    _, judging = _timed(
+        lambda one: adversary.update(
+            nets, params, state.adversary_opt, stats, Batches(expert, one, state.replay, state.replay), state.key
+        ),
+        head,
+    )
+    _, acting = _timed(
+        lambda one: ppo.update(nets, params, state.ppo_opt, stats, one, reward, bonus, state.key, config.ppo), policy
+    )
+    _, whole = _timed(trainer.step, state, expert)
+    actions = policy.action.swapaxes(0, 1)
+    _, bare = _timed(partial(physics, env), state.key, actions)
+    times = {
+        "bare physics": bare,
+        "rollout": rolling,
+        "relabelling": relabelling,
+        "adversary": judging,
+        "PPO": acting,
+        "whole step": whole,
+    }
+    ratios = {"bare physics": whole / bare, "rollout": whole / rolling}
+    if settings.env in PEERS:
+        by_mjx = make_env(settings.env, **settings.env_settings, engine="mjx")
+        _, tenth = _timed(partial(physics, by_mjx), state.key, actions[: len(actions) // 10])
+        times["a tenth of the steps by engine mjx"] = tenth
+        ratios["bare physics by engine mjx"] = whole / (10 * tenth)
+    rows = {f"one seed, one device: {name}, ms": f"{1e3 * seconds:.1f}" for name, seconds in times.items()}
+    return rows | {f"one seed, one device: whole step / {name}": f"{ratio:.2f}" for name, ratio in ratios.items()}
+
+
+def physics(env: Any, key: Any, actions: Any) -> Any:
+    """The rewards of `actions`, [T, N, A], each environment's from a reset on: steps of the world and nothing else."""
+    import jax
+
+    keys = jax.random.split(key, actions.shape[1])
+
+    def one_step(states: Any, now: Any) -> Any:
+        states, result = jax.vmap(env.step)(keys, states, now)
+        return states, result.reward
+
+    return jax.lax.scan(one_step, jax.vmap(env.reset)(keys)[0], actions)[1]
+
+
+def peer(settings: Settings) -> float:
+    """Environment steps a second of imitation's AIRL on the same body, demonstrations, horizon and sizes; one seed."""
+    from importlib.resources import files
+
+    from aircl_jax.methods import get_method
+    from aircl_jax.settings.env_defaults import default_config
+    from envs import make_env
+
+    config = default_config(settings.env, get_method(settings.method).settings)
+    env = make_env(settings.env)
+    words = {
+        "env": PEERS[settings.env],
+        "demonstrations": str(files("envs") / "demonstrations" / f"{env.demonstrations}.npz"),
+        "horizon": env.horizon,
+        "trajectories": config.num_trajectories,
+        "hidden": config.hidden,
+        "epochs": settings.epochs or config.ppo.num_epochs,
+        "minibatch": config.ppo.minibatch_size,
+        "judged": config.adversary.minibatch_size,
+        "steps": config.adversary.num_steps,
+    }
+    script = Path(__file__).with_name("peer_airl.py")
+    done = subprocess.run([PEER_PYTHON, script, json.dumps(words)], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ValueError(f"peer=true: {script.name} failed: {done.stderr.strip().splitlines()[-1]}")
+    return float(done.stdout.splitlines()[-1])
+
+
+def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:
+    import jax
+
+    compiled = jax.jit(function)
+    result = jax.block_until_ready(compiled(*inputs))
+    seconds = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        jax.block_until_ready(compiled(*inputs))
+        seconds.append(time.perf_counter() - start)
+    return result, median(seconds)
+
+
+def second_start(settings: Settings) -> float:
+    """Seconds from typing the command to its first iteration's metrics on disk, once the compilation cache is warm."""
+    seconds = 0.0
+    for _ in range(2):
+        with tempfile.TemporaryDirectory() as place:
+            metrics = Path(place) / "run" / "metrics.jsonl"
+            words = [
+                f"env={settings.env}",
+                f"method={settings.method}",
+                f"seeds={settings.seeds}",
+                "iterations=1",
+                "train.chunk=1",
+            ]
+            command = [sys.executable, "-m", "experiments.run", *words, f"run_dir={metrics.parent}"]
+            start = time.perf_counter()
+            with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+                while process.poll() is None and not (metrics.exists() and _has_line(metrics)):
+                    time.sleep(0.05)
+                seconds = time.perf_counter() - start
+                process.kill()
+    return seconds
+
+
+def _has_line(path: Path) -> bool:
+    text = path.read_text()
+    return text.endswith("\n") and bool(json.loads(text.splitlines()[0]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,93 @@
+"""Hydra as this project uses it: a mistake is one line on standard error and exit code 2, and Hydra leaves no file."""
+
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple, cast
+from unittest import mock
+
+import hydra
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException, OverrideParseException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from experiments.cli import hydra_settings
+
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+
+
+class Composed(NamedTuple):
+    """The settings that one command line, or one job of a sweep, comes to."""
+
+    env: str  # the choice of env=…
+    values: dict[str, Any]  # resolved, groups within groups
+    words: tuple[str, ...]  # NAME=VALUE, as they were given
+
+
+def launch(task: Callable[[Composed], None], config_name: str, argv: Sequence[str]) -> int:
+    """Compose the settings from `argv`, run the task once or over a sweep, and return the exit code."""
+    hydra_settings.register()
+    codes = [DONE]
+
+    def job(config: DictConfig) -> None:
+        try:
+            values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+            own = HydraConfig.get()
+            task(Composed(own.runtime.choices["env"], values, tuple(own.overrides.task)))
+        except ValueError as error:
+            codes.append(_complain(str(error)))
+
+    try:
+        with _arguments(argv):
+            hydra.main(version_base="1.3", config_path="pkg://experiments.cli.conf", config_name=config_name)(job)()
+    except SystemExit as stop:  # --help, and argparse's own refusals
+        return stop.code if isinstance(stop.code, int) else BAD_INPUT
+    except KeyboardInterrupt:
+        print("interrupted; the same command with resume=true continues", file=sys.stderr)
+        return INTERRUPTED
+    except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of Hydra, the job keeps its own
+        return _complain(_in_one_line(error, argv))
+    finally:
+        GlobalHydra.instance().clear()
+    return max(codes)
+
+
+@contextmanager
+def _arguments(argv: Sequence[str]) -> Iterator[None]:
+    """The command line as Hydra reads it; a sweep's own notes go to a place that is removed afterwards."""
+    with tempfile.TemporaryDirectory() as notes:
+        elsewhere = [] if any(arg.startswith("hydra.sweep.dir=") for arg in argv) else [f"hydra.sweep.dir={notes}"]
+        # Beside the other NAME=VALUE words: argparse takes them in one place alone, before a flag or after it.
+        first = next((i for i, arg in enumerate(argv) if "=" in arg and not arg.startswith("-")), len(argv))
+        with (
+            mock.patch.object(sys, "argv", ["experiments", *argv[:first], *elsewhere, *argv[first:]]),
+            mock.patch.dict(os.environ, HYDRA_FULL_ERROR="1"),
+        ):
+            yield
+
+
+def _complain(message: str) -> int:
+    print("error: " + " ".join(message.split()), file=sys.stderr)
+    return BAD_INPUT
+
+
+def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
+        group, _, name = error.missing_cfg_file.rpartition("/")
+        return f"unknown {group} {name!r}; choose from {', '.join(error.options)}"
+    unknown = re.search(r"Could not override '([^']+)'", str(error))
+    if isinstance(error, ConfigCompositionException) and unknown:
+        key = unknown.group(1)
+        env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), "gridworld")
+        return f"unknown setting {key}; choose from {', '.join(hydra_settings.choices(key.rpartition('.')[0], env))}"
+    if isinstance(error, OverrideParseException):
+        return f"cannot read {error.override!r}; write NAME=VALUE, and quote what the shell or a list would take apart"
+    if "Config group override" in str(error):  # a number where a name is needed
+        group, name = next((arg.partition("=")[::2] for arg in argv if re.match(r"\w+=-?[\d.]+$", arg)), ("name", ""))
+        return f"unknown {group} {name!r}; choose from {', '.join(hydra_settings.GROUPS.get(group, []))}"
+    return str(error).splitlines()[0]

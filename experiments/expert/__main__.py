@@ -1,0 +1,122 @@
+"""Train a robot's expert and write its demonstrations: `python -m experiments.expert env=swimmer`; see `--help`."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from aircl_jax.experts.config import EXPERTS, expert_config
+from aircl_jax.settings.lagrangian_config import LagrangianConfig
+from aircl_jax.settings.parse import at_least, plain, updated
+from envs import ENVS, make_env
+from envs.options import RobotOptions
+from experiments.cli.hydra_cli import Composed, launch
+from experiments.cli.hydra_settings import QUIET, hydra_node, store
+
+HELP = f"""Trains experts by PPO-Lagrangian and writes demonstrations and a reference set.
+
+  python -m experiments.expert env=swimmer
+  python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
+
+env          swimmer, walker, pendulum; env.NAME=VALUE changes a setting of it; tuned are {", ".join(EXPERTS)}
+seeds        how many constrained ones, from first_seed on; free_seeds: how many without the constraint follow them
+iterations   of training; the learning rate falls to 0 at the last
+run_dir      where everything is kept; resume=true continues what is there, overwrite=true starts again
+episodes     demonstrations to write, all without a violation
+out          folder of the two files, ENV_CONSTRAINT.npz and ENV_CONSTRAINT_reference.npz; run_dir by default
+train        settings of PPO-Lagrangian, as in train.ppo.learning_rate=0.001; default: those of the task's row
+
+$CONFIG
+"""
+DEFAULT = "default"
+
+
+@dataclass(frozen=True)
+class ExpertSettings:
+    """The settings beside those of the environment (env.…) and of training (train.…)."""
+
+    seeds: int = 4
+    first_seed: int = 0
+    free_seeds: int = 2
+    iterations: int | Literal["default"] = "default"
+    run_dir: str = "runs/expert/${hydra:runtime.choices.env}_${env.constraint}"
+    episodes: int = 50
+    out: str = "${run_dir}"
+    resume: bool = False
+    overwrite: bool = False
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run with these arguments (the command line's by default); 0 done, 2 bad input, 130 interrupted."""
+    register()
+    return launch(train, "expert", sys.argv[1:] if argv is None else list(argv))
+
+
+def register() -> None:
+    """Put the settings of an expert's training into Hydra's store, beside those of the environments."""
+    node = {
+        **asdict(ExpertSettings()),
+        "train": _all_default(LagrangianConfig()),
+        "defaults": _DEFAULTS,
+        "hydra": hydra_node("experiments.expert", HELP),
+    }
+    store("expert", node)
+
+
+def train(composed: Composed) -> None:
+    """Check the settings, then train, judge, choose and write."""
+    name, values = composed.env, dict(composed.values)
+    robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
+    if name not in robots:
+        raise ValueError(f"env={name} has no expert to train; choose from {', '.join(robots)}")
+    env_values, train_values = values.pop("env"), values.pop("train")
+    settings = updated(ExpertSettings(), values)
+    for field in ("seeds", "free_seeds", "episodes"):
+        at_least(field, getattr(settings, field), 1)
+    options = asdict(updated(ENVS[name].options(), env_values, "env"))
+    tuned = updated(expert_config(name, options["constraint"]), _given(train_values), "train")
+    if settings.iterations != DEFAULT:
+        tuned = updated(tuned, {"iterations": settings.iterations})
+    at_least("iterations", tuned.iterations, 1)
+    if options["constraint"] == "none":
+        raise ValueError("env.constraint=none: an expert is trained under a constraint, its reference set without; choose one")
+
+    from aircl_jax.runs.directory import existing, open_run
+    from experiments.expert.run import Task, run
+
+    words = [word for word in composed.words if not word.startswith(("resume=", "overwrite="))]
+    task = Task(
+        name=f"{name}_{options['constraint']}",
+        env=make_env(name, **options),
+        practice=make_env(name, **options | {"terminate": options["terminate"] or tuned.restart}),
+        env_settings={"name": name, **plain(options)},
+        config=tuned,
+        seeds=settings.seeds,
+        free_seeds=settings.free_seeds,
+        first_seed=settings.first_seed,
+        episodes=settings.episodes,
+        out=Path(settings.out),
+        command=shlex.join(["python", "-m", "experiments.expert", *words]),
+    )
+    mode = existing(settings.resume, settings.overwrite)
+    run(task, open_run(Path(settings.run_dir), task.settings, tuned.chunk, mode))
+
+
+def _all_default(config: Any) -> dict[str, Any]:
+    """The names of a configuration's fields, with "default" for every value."""
+    values = ((field.name, getattr(config, field.name)) for field in fields(config) if field.name != "iterations")
+    return {name: _all_default(value) if is_dataclass(value) else DEFAULT for name, value in values}
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    """What was set, without what was left at "default"."""
+    nested = {name: _given(value) if isinstance(value, dict) else value for name, value in values.items()}
+    return {name: value for name, value in nested.items() if value not in (DEFAULT, {})}
+
+
+_DEFAULTS = ["_self_", {"env": "swimmer"}, *QUIET]
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""The words of Figure 2: what was read, what the tests say of the inflexion, and what the figures show."""
+
+import numpy as np
+
+from aircl_jax.analysis.transition_distances import RiseTest
+from experiments.figure2.analysis import NICE, Numbers, Study
+
+LEVEL = 0.05  # of the tests' verdicts
+
+
+def report(study: Study, numbers: Numbers, command: str) -> str:
+    """report.md, every number with the command that made it."""
+    title = f"# Figure 2: how far animals move from one behaviour to the next ({study.mapping.name})"
+    parts = [
+        title + (": SIMULATED, no animal was observed" if study.simulated else ""),
+        f"Made by `{command}`. Distances are in {study.mapping.coordinate_unit}.",
+        "## The inflexion\n\n" + verdict(study, numbers),
+        "## Its tests\n\n" + rise_table(numbers),
+        "## Long transitions\n\n" + long_pairs(study, numbers),
+        "## What was read\n\n" + "\n".join(f"- {line}" for line in study.report.lines()),
+        "## Codes\n\n" + code_table(study),
+        "## Figures\n\n" + FIGURES,
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+FIGURES = """\
+- `figure2b_places.png`: places as regions of the ground, by the majority of the rows of a cell, for each camera.
+- `figure2c_distances.png`: histogram of the distances, with trend, bootstrap intervals, null model, cumulative share.
+- `figure2d_mean_distance.png`, `figure2e_frequency.png`: by pair of codes; the two long transitions boxed.
+- `figure2f_long_transitions.png`: every case of these two on the ground.
+- `figure2g_codes.png`: the codes and their shares of the rows.
+- `figure7_activity.png`: rows on the ground. `figure8_places_rows.png`: the places with the rows on them.
+
+A distance is that of the positions at the first rows of two successive behaviours of a gap-free track, in all three
+coordinates. The cameras are drawn apart, because the source does not say that their coordinates share an origin."""
+
+
+def verdict(study: Study, numbers: Numbers) -> str:
+    """What the data support, in the words that the numbers choose."""
+    kept, filled = numbers.rises["without"][NICE], numbers.rises["with_missing"][NICE]
+    tail, (low, high) = numbers.tail, numbers.tail.ratio_band
+    lacking = int(np.isnan(study.moves.start + study.moves.end).any(axis=1).sum())
+    null = float(numbers.without.shuffled[numbers.without.edges[:-1] >= tail.high].sum())
+    supports = "supports" if kept.p_monotone < LEVEL else "does not support"
+    weight = "heavier than" if low > 1 else "lighter than" if high < 1 else "not distinguishable from"
+    rarer = "rarer" if tail.observed < null else "more frequent"
+    located = int(numbers.without.counts.sum())
+    return f"""The histogram of the {located:,} transitions with both positions known **{supports}** an inflexion,
+that is, a distance beyond which transitions become more frequent again:
+{_words(kept)}.
+
+- With the {lacking:,} transitions whose position is missing counted at (0, 0, 0):
+  {_words(filled)}.
+  These distances are artefacts: they measure the way to the origin of the coordinates.
+- The tail: {tail.observed} transitions at {tail.high:g} or more, where an exponential fitted from {tail.low:g} to
+  {tail.high:g} leads to expect {tail.expected:.1f} (ratio, 95 % over resampled recordings: {low:.2f} to {high:.2f}):
+  {weight} exponential. A heavy tail is no inflexion.
+- The null model (ends shuffled within a recording) has {null:.0f} transitions there: long transitions are {rarer}
+  than if where an animal begins its next behaviour had nothing to do with where it began the last.
+- None of this measures a reward. That long transitions are driven by high rewards, the contrast prior of the paper's
+  Section 6, is an assumption that these histograms neither show nor exclude."""
+
+
+def _words(test: RiseTest) -> str:
+    low, high = test.counts
+    return (
+        f"the largest rise is from {low} transitions at {test.low:g} to {high} at {test.high:g}"
+        f" (z = {test.z:.1f}), and a trend that only falls gives as large a one with p = {test.p_monotone:.3f}"
+    )
+
+
+def rise_table(numbers: Numbers) -> str:
+    """The largest rise at three bin widths, with and without the rows at missing coordinates."""
+    lines = [
+        "| missing coordinates | bin | rise | z | p under a falling trend | still rises in resampled recordings |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, words in (("with_missing", "counted as (0, 0, 0)"), ("without", "left out")):
+        for test in numbers.rises[name]:
+            rise = f"{test.counts[0]} at {test.low:g} → {test.counts[1]} at {test.high:g}"
+            share = f"{100 * test.bootstrap_share:.0f} %"
+            lines.append(f"| {words} | {test.bin_width:g} | {rise} | {test.z:.2f} | {test.p_monotone:.3f} | {share} |")
+    caution = "The p-values take transitions for independent; those of one track are not, so that the true p are larger."
+    return "\n".join([*lines, "", caution])
+
+
+def long_pairs(study: Study, numbers: Numbers) -> str:
+    """The two boxed pairs."""
+    pairs, names = numbers.pairs, study.coded.names
+    lines = [
+        "Boxed: the two most frequent pairs, by share of their start, with at least ten located cases and a mean",
+        f"distance beyond {numbers.long_distance:.3g}, which 95 % of all transitions stay below.",
+        "",
+        "| from | to | transitions | share of the start's | mean distance |",
+        "|---|---|---|---|---|",
+    ]
+    for pair in numbers.long_pairs:
+        share = f"{100 * pairs.frequency[pair]:.0f} %"
+        ends = f"{names[pair[0]]} | {names[pair[1]]}"
+        lines.append(f"| {ends} | {pairs.seen[pair]} | {share} | {pairs.mean_distance[pair]:.3g} |")
+    return "\n".join(lines)
+
+
+def code_table(study: Study) -> str:
+    """Figure 2(g) in words."""
+    rows = np.bincount(study.coded.code, minlength=len(study.coded.names))
+    lines = ["| code | state | rows |", "|---|---|---|"]
+    return "\n".join(lines + [f"| {code} | {name} | {rows[code]:,} |" for code, name in enumerate(study.coded.names)])

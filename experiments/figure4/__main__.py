@@ -1,0 +1,95 @@
+"""Causal links of generated and real animal trajectories (Figure 4), what drives the animals, and the contrast prior.
+
+`python -m experiments.figure4 data=DIR` trains the methods that are missing, each a cell under results/figure4/ that the
+next call skips, then writes report.md and the figures beside them; `data=simulated` does the same on the simulated mob,
+where the truth is known; `scale=smoke out=DIR` is a quick pass elsewhere. Bad input: one line and exit code 2.
+"""
+
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import matplotlib as mpl
+import numpy as np
+
+from aircl_jax.analysis.causal import strongest
+from aircl_jax.figures.animals import causal_links
+from aircl_jax.figures.style import DPI, STYLE
+from envs import Codes
+from envs.animals.data_folder import command_prefix
+from experiments.cli.words import parse
+from experiments.figure4 import cells, held_out, report
+from experiments.figure4.cells import Settings, Study
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make what is missing, then the report; 0 done, 2 bad input, 130 interrupted."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    try:
+        settings = parse(arguments, Settings(), __doc__)
+        study = cells.read(settings)
+        methods = cells.methods(settings, study)
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure4", *arguments])
+    try:
+        for found in collect(settings, study, methods):  # a report after every cell: what is finished can be read
+            write(settings, study, found, command)
+    except KeyboardInterrupt:
+        print("interrupted; the same command continues", file=sys.stderr)
+        return 130
+    except cells.OtherSettingsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(study.folder / "report.md")
+    return 0
+
+
+def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterator[report.Found]:
+    """What there is after each cell: the yardsticks, then every method, then the recordings held out."""
+    of_these = {"windows": len(study.codes)}
+    as_asked = of_these | {"seeds": list(range(settings.seeds))}
+    yardsticks = cells.kept(study.folder / "yardsticks.json", of_these, partial(cells.yardstick_cell, settings, study))
+    found = report.Found(yardsticks, {}, {})
+    for method in methods:
+        path = study.folder / f"{method}.json"
+        found.methods[method] = cells.kept(path, as_asked, partial(cells.method_cell, settings, study, method))
+        yield found
+    folds = min(settings.folds, len(np.unique(study.herd.windows.recording)) // 2)
+    for method in (method for method in held_out.METHODS if method in methods):
+        for fold in range(folds):
+            path = study.folder / "held_out" / f"{method}_{fold}.json"
+            cell = cells.kept(path, {"fold": fold}, partial(held_out.held_out_cell, settings, study, method, fold))
+            found.held_out.setdefault(method, []).append(cell)
+        yield found
+
+
+def write(settings: Settings, study: Study, found: report.Found, command: str) -> None:
+    """report.md and the figures of what has been found so far."""
+    lag = str(settings.tau_max)
+    apart = {name: np.array(cell["difference_map"][lag]) for name, cell in found.methods.items()}
+    apart |= {name: np.array(values) for name, values in found.yardsticks[lag]["maps"].items()}
+    by_seed = {name: cell["difference"]["sampled"][lag] for name, cell in found.methods.items()}
+    with mpl.rc_context(STYLE):
+        figures = {
+            f"figure4_links_tau{lag}": causal_links.link_maps(strongest(study.real[settings.tau_max]), apart),
+            f"figure4_differences_tau{lag}": causal_links.differences(by_seed, report.named_yardsticks(found.yardsticks, lag)),
+        }
+        if found.held_out:
+            figures["held_out"] = causal_links.held_out(report.fold_scores(found))
+        captions = {}
+        if report.SHOWN in found.methods:
+            recovered = cells.from_json(found.methods[report.SHOWN]["recovered"])
+            named = Codes(study.herd.windows.names, study.herd.impossible)
+            title = f"{report.SHOWN} on {found.methods[report.SHOWN]['env']}, {len(recovered.reward)} seeds"
+            for drawing in codes.draw(recovered, named, title):
+                figures[drawing.name], captions[drawing.name] = drawing.figure, drawing.caption
+        for name, figure in figures.items():
+            figure.savefig(study.folder / f"{name}.png", dpi=DPI)
+    (study.folder / "report.md").write_text(report.report(settings, study, found, command, captions))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

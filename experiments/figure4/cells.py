@@ -1,0 +1,237 @@
+"""The cells of Figure 4: one method trained on one mob, its causal links beside the real ones, and what it recovered."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, cast
+
+import jax
+import numpy as np
+from jaxtyping import Int
+
+from aircl_jax import Result, train
+from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.algorithm.sampler import SAMPLERS, take
+from aircl_jax.algorithm.scoring import trajectory_feasibility
+from aircl_jax.analysis.causal import (
+    Links,
+    difference,
+    link_strengths,
+    markov_chain,
+    sample_chain,
+    strongest,
+    uniform_windows,
+    yardsticks,
+)
+from aircl_jax.analysis.recovered import Recovered, recover
+from aircl_jax.model.networks import Networks
+from aircl_jax.settings.parse import at_least
+from aircl_jax.storage import write_whole
+from aircl_jax.types import TrainState, Trajectory
+from envs import Tabular
+from envs.animals.meerkat import Herd, load
+from envs.options import MeerkatOptions
+from experiments.cli.words import listed
+from experiments.shared.commits import current_commit
+
+METHODS = ("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
+GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the simulated mob
+SMOKE = {
+    "num_trajectories": 10,
+    "num_evaluation": 8,
+    "chunk": 2,
+    "warm_start": 1,
+    "adversary": {"num_steps": 1},
+    "ppo": {"num_epochs": 1},
+}
+LAGS = (1, 5)  # τ_max of the analyses
+POOL = 4  # episodes of π for each window that is drawn from them by δ̄
+KEY_WINDOWS = 4  # folded into a state's key: other episodes than training's or the evaluation's
+
+
+@dataclass(frozen=True)
+class Settings:
+    data: str = "default"  # folder of tables, simulated, or default: that of the variable AIRCL_DATA
+    mapping: str = "meerkat"
+    methods: str = "all"  # or some of them, with commas between
+    seeds: int = 10
+    tau_max: Literal[1, 5] = 1  # 5: the strongest of the lags 1 to 5
+    folds: int = 9  # of the leave-two-recordings-out, as many as there are; 0 for none
+    scale: Literal["full", "smoke"] = "full"  # smoke: seconds, says nothing about results
+    out: str = "default"  # results/figure4, or runs/figure4_smoke
+
+    def __post_init__(self) -> None:
+        at_least("seeds", self.seeds, 1)
+        at_least("folds", self.folds, 0)
+
+    @property
+    def options(self) -> MeerkatOptions:
+        return MeerkatOptions(data=self.data, mapping=self.mapping)
+
+    @property
+    def iterations(self) -> int | Literal["default"]:
+        return "default" if self.scale == "full" else 2
+
+    @property
+    def training(self) -> dict[str, Any]:
+        """What is changed of a method's own settings."""
+        return {} if self.scale == "full" else SMOKE
+
+
+class Study(NamedTuple):
+    """One mob: its windows of codes as PCMCI sees them, and the folder of its cells."""
+
+    herd: Herd
+    codes: Int[np.ndarray, "N T"]
+    real: dict[int, Links]  # by τ_max
+    folder: Path
+    commit: str
+
+    @property
+    def simulated(self) -> bool:
+        return self.herd.truth is not None
+
+    @property
+    def num_codes(self) -> int:
+        return len(self.herd.windows.names)
+
+
+def read(settings: Settings) -> Study:
+    """The windows and their own links. ValueError as from `envs.animals.meerkat.load`."""
+    herd = load(settings.options)
+    codes = herd.windows.code[:, :-1]
+    default = "results/figure4" if settings.scale == "full" else "runs/figure4_smoke"
+    out = Path(default if settings.out == "default" else settings.out)
+    real = {lag: link_strengths(codes, len(herd.windows.names), lag) for lag in LAGS}
+    kind = "simulated" if herd.truth else "recorded" if settings.mapping == Settings.mapping else Path(settings.mapping).stem
+    return Study(herd, codes, real, out / kind, current_commit())
+
+
+class OtherSettingsError(ValueError):
+    """A finished cell is not what is asked for."""
+
+
+def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """The cell of that file, made and written if it is not there: what is finished is not done again.
+
+    Raises OtherSettingsError, in one line, where one is there that says something else of what is `asked`.
+    """
+    if not path.exists():
+        print(f"making {path}", flush=True)
+        cell = make()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, json.dumps(cell) + "\n")
+    cell = json.loads(path.read_text())
+    for name, value in asked.items():
+        if cell[name] != value:
+            raise OtherSettingsError(f"{path} has {name}={cell[name]}, asked for is {value}; give out=DIR, or remove the file")
+    return cell
+
+
+def methods(settings: Settings, study: Study) -> tuple[str, ...]:
+    """The methods asked for, in the order of the table. ValueError for one that is not of it."""
+    return listed("method", settings.methods, METHODS + (GIVEN_REWARD if study.simulated else ()))
+
+
+def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]:
+    """Train a method on all windows: |ΔV| of q and of π by seed, mean maps, the learned functions, learning curves."""
+    result = train(
+        "meerkat",
+        method,
+        seeds=settings.seeds,
+        iterations=settings.iterations,
+        env_settings={"data": settings.data, "mapping": settings.mapping},
+        config=settings.training,
+    )
+    windows = generate(result, len(study.codes))
+    found = {name: _compared(study, codes) for name, codes in windows.items()}
+    table = cast(Tabular, result.plan.env.tabular)
+    return {
+        **result.summary,
+        "command": _command(settings, study, method),
+        "commit": study.commit,
+        "alarms": result.alarms,
+        "windows": len(study.codes),
+        "difference": {name: {lag: one[lag]["per_seed"] for lag in map(str, LAGS)} for name, one in found.items()},
+        "links": {lag: found["sampled"][lag]["links"] for lag in map(str, LAGS)},
+        "difference_map": {lag: found["sampled"][lag]["map"] for lag in map(str, LAGS)},
+        "recovered": as_json(recover(result, table)),
+        "curves": {name: _rounded(result.history[name].mean(axis=1)) for name in CURVES if name in result.history},
+    }
+
+
+CURVES = ("entropy", "return", "feasibility_expert", "feasibility_policy", "loss_discriminator", "policy_loss")
+
+
+def generate(result: Result, number: int) -> dict[str, Int[np.ndarray, "S N T"]]:
+    """`number` windows of codes of each seed: episodes of π, and draws of q by δ̄ from a pool of them."""
+    one_seed = jax.jit(partial(_windows, result.networks, number))
+    seeds = [one_seed(result.state(index)) for index in range(len(result.summary["seeds"]))]
+    policy, sampled = (np.stack(parts) for parts in zip(*seeds, strict=True))
+    return {"sampled": sampled, "policy": policy}
+
+
+def _windows(nets: Networks, number: int, state: TrainState) -> tuple[Any, Any]:
+    params, stats = state.params, state.obs_stats
+    key_policy, key_sampler = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, KEY_WINDOWS), state.step))
+    pool = rollouts(nets.env, nets, params, stats, key_policy, POOL * number)
+    policy: Trajectory = jax.tree.map(lambda leaf: leaf[:number], pool)
+    if nets.method.sampled_from == "policy":
+        return policy.obs.argmax(axis=-1), policy.obs.argmax(axis=-1)
+    log_delta = trajectory_feasibility(nets, params, stats, pool)
+    sampled = take(pool, SAMPLERS[nets.config.adversary.sampler](log_delta, number, key_sampler))
+    return policy.obs.argmax(axis=-1), sampled.obs.argmax(axis=-1)
+
+
+def _compared(study: Study, windows: Int[np.ndarray, "S N T"]) -> dict[str, dict[str, Any]]:
+    """Of each τ_max: mean |ΔV| by seed, mean V and mean |ΔV| by pair of codes."""
+    compared = {}
+    for lag in LAGS:
+        links = np.stack([strongest(link_strengths(codes, study.num_codes, lag)) for codes in windows])
+        apart = np.abs(links - strongest(study.real[lag]))
+        per_seed = _rounded(apart.mean(axis=(1, 2)))
+        compared[str(lag)] = {"per_seed": per_seed, "links": _rounded(links.mean(0)), "map": _rounded(apart.mean(0))}
+    return compared
+
+
+def yardstick_cell(settings: Settings, study: Study) -> dict[str, Any]:
+    """What a mean |ΔV| is read beside, by seed, and the maps of the Markov chain and of chance."""
+    size, length = study.codes.shape
+    chain = sample_chain(*markov_chain(study.herd.windows.code, study.num_codes), size, length, seed=0)
+    uniform = uniform_windows(size, length, study.num_codes, seed=0)
+    cell: dict[str, Any] = {"commit": study.commit, "windows": size}
+    for lag in LAGS:
+        rows = [yardsticks(study.codes, study.num_codes, lag, seed) for seed in range(settings.seeds)]
+        maps = {"Markov chain": chain, "uniform random": uniform}
+        apart = {name: difference(link_strengths(codes, study.num_codes, lag), study.real[lag]) for name, codes in maps.items()}
+        cell[str(lag)] = {
+            "per_seed": {name: _rounded([row[name] for row in rows]) for name in rows[0]},
+            "maps": {name: _rounded(values) for name, values in apart.items()},
+        }
+    return cell
+
+
+def _command(settings: Settings, study: Study, method: str) -> str:
+    """The run that trains the same."""
+    data = "env.data=simulated" if study.simulated else "env.data=DIR"
+    return f"python -m experiments.run env=meerkat {data} method={method} seeds={settings.seeds}"
+
+
+def as_json(recovered: Recovered) -> dict[str, Any]:
+    return {name: _rounded(values) for name, values in recovered._asdict().items()}
+
+
+def from_json(values: dict[str, Any]) -> Recovered:
+    return Recovered(**{name: np.array(value, float) for name, value in values.items()})._replace(
+        seen=np.array(values["seen"], np.int64)
+    )
+
+
+def _rounded(values: Any) -> Any:
+    """Four significant digits, NaN as null."""
+    array = np.asarray(values)
+    if array.ndim:
+        return [_rounded(item) for item in array]
+    return (float(f"{array:.4g}") if array.dtype.kind == "f" else int(array)) if np.isfinite(array) else None

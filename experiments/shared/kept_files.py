@@ -1,0 +1,23 @@
+"""JSON files of results, written whole or not at all."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aircl_jax.storage import write_whole
+
+
+def keep(path: Path, cell: Mapping[str, Any]) -> None:
+    """Write a cell, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, _json(cell, levels=2) + "\n")
+
+
+def _json(value: Any, levels: int, indent: str = "") -> str:
+    """JSON with a line for each of the outer levels' items."""
+    if not levels or not isinstance(value, Mapping):
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    inner = indent + " "
+    items = [f"{inner}{json.dumps(name)}: {_json(item, levels - 1, inner)}" for name, item in value.items()]
+    return "{\n" + ",\n".join(items) + f"\n{indent}}}"

@@ -1,0 +1,145 @@
+"""Table 1, ours beside the paper's: `python -m experiments.table1` trains the cells that are missing, then writes.
+
+Settings, as NAME=VALUE: scale (full, or smoke: minutes that test the machinery, kept apart from results), env and method
+(comma lists, or all), seeds, iterations (0: the environment's own), out (a folder), train (false: only write from the cells
+that are there), overwrite (true: train the chosen cells anew). What was cut continues; a finished cell is skipped.
+"""
+
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from experiments.cli.words import SEEDS, listed, parse
+from experiments.shared.commits import current_commit
+from experiments.table1 import cells, claims_report, report
+from experiments.table1.cells import COLUMNS, ROWS, Job
+
+RESULTS = Path("results")
+SMOKE: dict[str, Any] = {
+    "num_trajectories": 4,
+    "num_demonstrations": 4,
+    "num_evaluation": 4,
+    "warm_start": 1,
+    "ppo": {"num_epochs": 1},
+    "adversary": {"num_steps": 1},
+}
+
+SMOKE_ON_ROBOTS = ("airl", "aircl", "aircl_corrected", "bc")  # one of each kind: what takes the time is compiling
+
+
+@dataclass(frozen=True)
+class Settings:
+    scale: Literal["full", "smoke"] = "full"
+    env: str = "all"
+    method: str = "all"
+    seeds: int = 0  # 0: the scale's own
+    iterations: int = 0
+    out: str = "default"
+    train: bool = True
+    overwrite: bool = False
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Train what is missing and write the table and the claims; 0 done, 2 bad input, 130 interrupted."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    try:
+        settings = parse(words, Settings(), __doc__)
+        job = job_of(settings)
+        chosen = chosen_cells(settings)
+        cells.load(job)  # refuses what is of another scale, before anything is trained
+        refused = make(job, chosen, settings.overwrite) if settings.train else {}
+        write(job, refused, shlex.join(["python", "-m", "experiments.table1", *words]))
+    except ValueError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; the same command continues", file=sys.stderr)
+        return 130
+    for reason in refused.values():
+        print(f"error: {reason}", file=sys.stderr)
+    return 2 if refused else 0
+
+
+def chosen_cells(settings: Settings) -> list[tuple[str, str]]:
+    """The environments and methods asked for; a smoke test of all leaves most robot cells out."""
+    envs = listed("env", settings.env, COLUMNS)
+    methods = listed("method", settings.method, ROWS)
+    few = SMOKE_ON_ROBOTS if settings.scale == "smoke" and settings.method == "all" else methods
+    return [(env, method) for env in envs for method in (methods if env == "gridworld" else few)]
+
+
+def job_of(settings: Settings) -> Job:
+    """Where the cells go and what they are made with. Raises ValueError where they could pass for results."""
+    if settings.seeds < 0 or settings.iterations < 0:
+        raise ValueError(f"seeds={settings.seeds} iterations={settings.iterations}: neither may be negative")
+    smoke = settings.scale == "smoke"
+    published = RESULTS if settings.out == "default" else Path(settings.out)
+    into_results = published.resolve().is_relative_to(RESULTS.resolve())
+    if not smoke and into_results and (settings.seeds not in (0, SEEDS) or settings.iterations):
+        raise ValueError(
+            f"seeds={settings.seeds} iterations={settings.iterations} are not those of the full table (seeds={SEEDS}, "
+            f"iterations=0), which is in {published}; choose another folder with out=DIR"
+        )
+    if smoke and into_results and settings.out != "default":
+        raise ValueError(f"out={settings.out}: scale=smoke makes no results; choose a folder outside {RESULTS}")
+    out = Path("runs/smoke/table1") if smoke and settings.out == "default" else published
+    runs = Path("runs/table1") if out == RESULTS else out / "runs"
+    own = (2, 4, SMOKE) if smoke else (SEEDS, 0, {})
+    return Job(settings.scale, settings.seeds or own[0], settings.iterations or own[1], out, runs, own[2])
+
+
+def make(job: Job, chosen: Sequence[tuple[str, str]], overwrite: bool) -> dict[tuple[str, str], str]:
+    """Train the chosen cells that are missing; returns why which were refused."""
+    commit = current_commit()  # of the code that this process has loaded
+    refused: dict[tuple[str, str], str] = {}
+    with _compiling_fast(job.scale == "smoke"):
+        for env, method in chosen:
+            if (job.path(env, method).exists() and not overwrite) or cells.unavailable(env):
+                continue
+            try:
+                cells.make_cell(job, env, method, commit, overwrite)
+            except ValueError as error:
+                refused[env, method] = f"{env}/{method}: {error}"
+    return refused
+
+
+@contextmanager
+def _compiling_fast(fast: bool) -> Iterator[None]:
+    """Without XLA's costlier optimisations, where compiling takes longer than what is run."""
+    import jax
+
+    before = jax.config.read("jax_disable_most_optimizations")
+    jax.config.update("jax_disable_most_optimizations", fast or before)
+    try:
+        yield
+    finally:
+        jax.config.update("jax_disable_most_optimizations", before)
+
+
+def write(job: Job, refused: dict[tuple[str, str], str], command: str) -> None:
+    """table1.md, table1.json and claims.md from the cells that are there."""
+    found = cells.load(job)
+    absent = {env: cells.unavailable(env) for env in COLUMNS}
+    missing = {
+        (env, method): refused.get((env, method)) or absent[env] or "not trained yet"
+        for env in COLUMNS
+        for method in ROWS
+        if (env, method) not in found
+    }
+    study = cells.Study(job, found, missing, command, current_commit())
+    job.out.mkdir(parents=True, exist_ok=True)
+    for name, text in (
+        ("table1.md", report.markdown(study)),
+        ("table1.json", report.as_json(study)),
+        ("claims.md", claims_report.markdown(study)),
+    ):
+        (job.out / name).write_text(text)
+        print(f"wrote {job.out / name}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

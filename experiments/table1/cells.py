@@ -1,0 +1,206 @@
+"""Cells of Table 1: one method on one environment, trained by runs that resume, kept as results/cells/ENV/METHOD.json."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from aircl_jax import train
+from aircl_jax.runs.directory import CONFIG
+from aircl_jax.runs.spec import Plan, make_plan
+from aircl_jax.settings.env_defaults import default_config
+from aircl_jax.settings.parse import flatten, plain
+from aircl_jax.settings.train_config import TrainConfig
+from experiments.cli.progress import Reporter
+from experiments.shared.kept_files import keep
+from experiments.shared.paired_tests import Values
+from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER
+
+ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "bc")
+KNOWS_REWARD = ("gacl", "icrl", "icrl_prior")  # rows that are given the true reward
+POINTS = 20  # of a learning curve, at least
+CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
+
+Cell = Mapping[str, Any]
+Cells = Mapping[tuple[str, str], Cell]  # by env and method
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all cells of a table are made with. `iterations` 0 means the environment's own."""
+
+    scale: Literal["full", "smoke"]
+    seeds: int
+    iterations: int
+    out: Path
+    runs: Path
+    config: Mapping[str, Any] = field(default_factory=dict)
+
+    def path(self, env: str, method: str) -> Path:
+        return self.out / "cells" / env / f"{method}.json"
+
+    def run_dir(self, env: str, method: str) -> Path:
+        return self.runs / env / method
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that a table is written from: the finished cells, and why the others are missing."""
+
+    job: Job
+    cells: Cells
+    missing: Mapping[tuple[str, str], str]
+    command: str
+    commit: str
+
+    def column(self, env: str, metric: str, methods: Sequence[str] = ROWS) -> dict[str, Values]:
+        """{method: {seed: value}} of the finished cells."""
+        found = {method: self.cells.get((env, method)) for method in methods}
+        return {method: values(cell, metric) for method, cell in found.items() if cell is not None}
+
+
+def iterations_of(job: Job, env: str) -> int:
+    """The same for every method: what the longer of the paper's and our settings of this environment say."""
+    return job.iterations or max(default_config(env, settings).iterations for settings in ("paper", "tuned"))
+
+
+def chunk_of(iterations: int) -> int:
+    """The longest chunk that divides the iterations and leaves POINTS evaluations; 1 where there are fewer iterations."""
+    return max((n for n in range(1, iterations + 1) if iterations % n == 0 and iterations // n >= POINTS), default=1)
+
+
+def arguments(job: Job, env: str, method: str) -> Mapping[str, Any]:
+    """Of `train`, for this cell."""
+    iterations = iterations_of(job, env)
+    config = {**job.config, "chunk": chunk_of(iterations)}
+    return {"env": env, "method": method, "seeds": job.seeds, "iterations": iterations, "config": config}
+
+
+def command(job: Job, env: str, method: str) -> str:
+    """The command line that makes this cell's run by itself."""
+    given = arguments(job, env, method)
+    settings = [f"train.{name}={value}" for name, value in flatten(given["config"]).items()]
+    words = [f"{name}={value}" for name, value in given.items() if name != "config"]
+    return " ".join(["python -m experiments.run", *words, *settings, f"run_dir={job.run_dir(env, method)}"])
+
+
+def planned(job: Job, env: str, method: str) -> Plan:
+    """The checked run of this cell."""
+    rest: dict[str, Any] = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "default", "env_settings": {}}
+    return make_plan(**arguments(job, env, method), **rest)
+
+
+def settings_of(plan: Plan) -> dict[str, Any]:
+    """All that a cell's numbers depend on beside the code: the run's settings and the bytes of shipped demonstrations."""
+    name = plan.env.demonstrations
+    files = [resources.files("envs") / "demonstrations" / f"{part}.npz" for part in (name, f"{name}_reference")]
+    digests = [hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in files] if name else []
+    return {**plan.settings, "shipped": digests}
+
+
+def unavailable(env: str) -> str | None:
+    """Why an environment can have no cells yet; None where it can."""
+    from envs import make_env
+
+    world = make_env(env)
+    ready = world.tabular is not None or world.recorded is not None or world.demonstrations is not None
+    return None if ready else "no demonstrations are shipped for this environment"
+
+
+def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = False) -> Cell:
+    """Train, or continue what was cut, and keep the cell. Raises ValueError where the run there is another one."""
+    plan, directory = planned(job, env, method), job.run_dir(env, method)
+    given = arguments(job, env, method)
+    if overwrite:
+        job.path(env, method).unlink(missing_ok=True)  # so that a cut run is continued and not skipped
+    commits = _commits(directory, commit, overwrite)
+    reporter = Reporter(f"{method} on {env}, {given['iterations']} iterations of {job.seeds} seeds, in {directory}")
+    line = command(job, env, method)
+    try:
+        result = train(
+            **given, run_dir=directory, resume=not overwrite, overwrite=overwrite, command=line, on_progress=reporter
+        )
+    finally:
+        reporter.close()
+    cell = {
+        **result.summary,
+        "scale": job.scale,
+        "command": line,
+        "commit": commit,
+        "commits": commits,
+        "settings": settings_of(plan),
+        "alarms": result.alarms,
+        "curves": curves(result.history, plan.config.chunk),
+    }
+    keep(job.path(env, method), cell)
+    return cell
+
+
+def _commits(directory: Path, commit: str, overwrite: bool) -> list[str]:
+    """The commits of the sittings of a run, this one last, kept beside its directory."""
+    path = directory.with_name(f"{directory.name}.commits")
+    begun = not overwrite and (directory / CONFIG).exists() and path.exists()
+    earlier = [line for line in path.read_text().split() if line != commit] if begun else []
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join([*earlier, commit]) + "\n")
+    return [*earlier, commit]
+
+
+def curves(history: Mapping[str, np.ndarray], chunk: int) -> dict[str, list]:
+    """The learning curves at the evaluations: {"iteration": [P], NAME: [P, S]}; iteration 0 is the untrained policy's batch."""
+    iterations = len(next(iter(history.values())))
+    rows = list(range(chunk - 1, iterations, chunk))
+    done = [row + 1 for row in rows]
+    if chunk > 1:  # the first line is the batch before the first update, and no evaluation
+        rows, done = [0, *rows], [0, *done]
+    thinned: dict[str, list] = {"iteration": done}
+    for name in CURVES:
+        if name in history:
+            thinned[name] = [[_short(value) for value in history[name][row]] for row in rows]
+    return thinned
+
+
+def _short(value: float) -> float | None:
+    return float(f"{value:.4g}") if np.isfinite(value) else None
+
+
+def load(job: Job) -> dict[tuple[str, str], Cell]:
+    """The finished cells of this table. Raises ValueError where a cell is of another scale."""
+    paths = {(env, method): job.path(env, method) for env in COLUMNS for method in ROWS}
+    found = {place: json.loads(path.read_text()) for place, path in paths.items() if path.exists()}
+    for place, cell in found.items():
+        if cell["scale"] != job.scale:
+            raise ValueError(f"{paths[place]} is of scale={cell['scale']}; choose another folder with out=DIR")
+    return found
+
+
+def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
+    """{difference: the cells that were made so}: settings that are no longer those of this table.
+
+    A setting that a cell does not name is younger than the cell; its default is what was done before there was one.
+    """
+    found: dict[str, list[str]] = {}
+    before = flatten({"train": plain(asdict(TrainConfig()))})
+    for (env, method), cell in cells.items():
+        here, there = flatten(settings_of(planned(job, env, method))), flatten(cell["settings"])
+        for name in here | there:
+            then = there.get(name, before.get(name))
+            if here.get(name) != then:
+                difference = f"{name} is {then} there and {here.get(name)} here"
+                found.setdefault(difference, []).append(f"{env}/{method}")
+    return found
+
+
+def values(cell: Cell, metric: str) -> Values:
+    """{seed: value} at the end of training; `return_ratio` is the return over the expert's, where that is positive."""
+    if metric == "return_ratio":
+        both = zip(*(cell["metrics"][name]["per_seed"] for name in ("return", "expert_return")), strict=True)
+        ratios = [None if own is None or not expert or expert <= 0 else own / expert for own, expert in both]
+        return dict(zip(cell["seeds"], ratios, strict=True))
+    found = cell["metrics"].get(metric, {}).get("per_seed", [None] * len(cell["seeds"]))
+    return dict(zip(cell["seeds"], found, strict=True))

@@ -1,0 +1,160 @@
+"""How a claim is judged from the cells: three rules, each of which ends in holds, does not hold or cannot be told."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from aircl_jax.reports.summary import statistics
+from experiments.shared.paired_tests import FEWEST_SEEDS, SIGNIFICANCE, differences, holm, interval, mean, paired_p
+from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER, PAPER
+from experiments.table1.cells import Study
+
+Verdict = Literal["holds", "does not hold", "cannot be told"]
+LOWER_IS_BETTER = ("violation_rate", "violation_rate_policy", "logit_size")
+
+
+class Finding(NamedTuple):
+    """One line of evidence."""
+
+    env: str
+    what: str
+    measured: str
+    verdict: Verdict
+    because: str = ""
+
+
+def overall(findings: Sequence[Finding]) -> Verdict:
+    """What more than half of the lines say; those that cannot be told count as lines."""
+    for verdict in ("holds", "does not hold"):
+        if sum(finding.verdict == verdict for finding in findings) * 2 > len(findings):
+            return verdict
+    return "cannot be told"
+
+
+def told(finding: Finding, seeds: int) -> Finding:
+    """The finding, where there are seeds enough to tell."""
+    if seeds >= FEWEST_SEEDS:
+        return finding
+    return finding._replace(verdict="cannot be told", because=f"{seeds} seeds are too few")
+
+
+class Contrast(NamedTuple):
+    """One row is better than another: a paired test on each measure in each environment, Holm over all of them."""
+
+    better: str
+    worse: str
+    metrics: tuple[str, ...] = ("rc_acc", "violation_rate")
+    envs: tuple[str, ...] = COLUMNS
+
+    rule = (
+        "Holds: better by the paired test (Wilcoxon over seeds, Holm over all that two rows are compared in, p < 0.05). Does "
+        "not hold: worse by that test, or no difference shown and one as large as the paper's lies beyond the bootstrap "
+        "interval. Cannot be told: neither."
+    )
+
+    def findings(self, study: Study) -> list[Finding]:
+        places = [(env, metric) for env in self.envs for metric in self.metrics]
+        gains = {place: self._gain(study, *place) for place in places}
+        p_values = {place: paired_p(gain) for place, gain in gains.items() if gain is not None}
+        adjusted = dict(zip(p_values, holm(list(p_values.values())), strict=True))
+        return [self._finding(study, place, gains[place], adjusted.get(place, 1.0)) for place in places]
+
+    def _gain(self, study: Study, env: str, metric: str) -> np.ndarray | None:
+        """How much better, seed by seed; None where a cell is missing or the measure undefined."""
+        column = study.column(env, metric, (self.better, self.worse))
+        if len(column) < 2:
+            return None
+        gain = differences(column[self.better], column[self.worse])
+        return (-gain if metric in LOWER_IS_BETTER else gain) if len(gain) else None
+
+    def _finding(self, study: Study, place: tuple[str, str], gain: np.ndarray | None, p: float) -> Finding:
+        env, metric = place
+        what = f"{metric}: {self.better} before {self.worse}"
+        absent = missing(study, env, (self.better, self.worse))
+        if gain is None:
+            return Finding(env, what, "—", "cannot be told", absent or "undefined")
+        bounds, printed = interval(gain), self._printed(env, metric)
+        sides = " against ".join(mean_std(study, env, metric, method) for method in (self.better, self.worse))
+        spread = f" [{bounds[0]:+.3f}, {bounds[1]:+.3f}]" if bounds else ""
+        theirs = "" if printed is None else f"; the paper's gain {printed:+.3f}"
+        measured = f"{sides}; gain {gain.mean():+.3f}{spread}, p = {p:.2g}{theirs}"
+        verdict: tuple[Verdict, str] = "cannot be told", "no difference shown"
+        if p < SIGNIFICANCE:
+            verdict = ("holds", "") if gain.mean() > 0 else ("does not hold", "worse")
+        elif bounds and printed is not None and printed > 0 and bounds[1] < printed:
+            verdict = "does not hold", "no difference shown, and one like the paper's is excluded"
+        return told(Finding(env, what, measured, *verdict), len(gain))
+
+    def _printed(self, env: str, metric: str) -> float | None:
+        both = [PAPER[env].get(method, {}).get(metric) for method in (self.better, self.worse)]
+        if both[0] is None or both[1] is None:
+            return None
+        gain = both[0][0] - both[1][0]
+        return -gain if metric in LOWER_IS_BETTER else gain
+
+
+class Bound(NamedTuple):
+    """A measure of a row is at most, or at least, so much: its bootstrap interval against each environment's limit."""
+
+    method: str
+    metric: str
+    limits: Mapping[str, float]
+    most: bool  # the limit is an upper one
+    reason: str = ""  # for the limit
+
+    rule = "Holds: the bootstrap interval of the mean lies within. Does not hold: all of it lies beyond. Cannot be told: else."
+
+    def findings(self, study: Study) -> list[Finding]:
+        return [self._finding(study, env, limit) for env, limit in self.limits.items()]
+
+    def _finding(self, study: Study, env: str, limit: float) -> Finding:
+        sign, reason = "≤" if self.most else "≥", f", {self.reason}" if self.reason else ""
+        what = f"{self.metric} of {self.method} {sign} {limit:.3g}{reason}"
+        absent = missing(study, env, (self.method,))
+        if absent:
+            return Finding(env, what, "—", "cannot be told", absent)
+        values = list(study.column(env, self.metric, (self.method,))[self.method].values())
+        bounds = interval(values)
+        if bounds is None:
+            return Finding(env, what, "—", "cannot be told", "undefined")
+        measured = f"{mean_std(study, env, self.metric, self.method)} [{bounds[0]:.3f}, {bounds[1]:.3f}]"
+        within = [bound <= limit if self.most else bound >= limit for bound in bounds]
+        verdict: Verdict = "holds" if all(within) else "cannot be told" if any(within) else "does not hold"
+        return told(Finding(env, what, measured, verdict), len(values))
+
+
+class Harder(NamedTuple):
+    """Every row of the paper violates more in one environment than in another: the means of those with both cells."""
+
+    env: str
+    than: str
+
+    rule = "Holds: the mean of every row of the paper is worse. Does not hold: of half or fewer. Cannot be told: else."
+
+    def findings(self, study: Study) -> list[Finding]:
+        here, there = (study.column(env, "violation_rate", METHODS_OF_THE_PAPER) for env in (self.env, self.than))
+        both = [(mean(here[method]), mean(there[method])) for method in here if method in there]
+        pairs = [(one, other) for one, other in both if one is not None and other is not None]
+        what = f"violation_rate higher than on {self.than}"
+        absent = missing(study, self.env, METHODS_OF_THE_PAPER) or missing(study, self.than, METHODS_OF_THE_PAPER)
+        if absent or not pairs:
+            return [Finding(self.env, what, "—", "cannot be told", absent or "undefined")]
+        worse, rows = sum(one > other for one, other in pairs), len(pairs)
+        verdict: Verdict = "holds" if worse == rows else "does not hold" if 2 * worse <= rows else "cannot be told"
+        return [told(Finding(self.env, what, f"{worse} of {rows} rows", verdict), min(map(len, here.values())))]
+
+
+Rule = Contrast | Bound | Harder
+
+
+def missing(study: Study, env: str, methods: Sequence[str]) -> str:
+    """Which of these cells are missing, in words; empty where none is."""
+    absent = [method for method in methods if (env, method) not in study.cells]
+    return f"cells missing: {', '.join(absent)}" if absent else ""
+
+
+def mean_std(study: Study, env: str, metric: str, method: str) -> str:
+    found = study.column(env, metric, (method,))[method]
+    row = statistics([np.nan if value is None else value for value in found.values()])
+    return "—" if row["mean"] is None else f"{row['mean']:.3f}" + ("" if row["std"] is None else f" ± {row['std']:.3f}")

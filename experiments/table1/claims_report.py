@@ -1,0 +1,87 @@
+"""claims.md: what the cells say of each claim, counted, and the lines of evidence below; by `python -m experiments.table1`."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from experiments.shared.paired_tests import FEWEST_SEEDS
+from experiments.table1 import claims, convergence
+from experiments.table1.cells import Study
+from experiments.table1.claim_rules import LOWER_IS_BETTER, Bound, Contrast, Finding, Harder, overall
+from experiments.table1.claims import Judged
+from experiments.table1.report import table, warning
+
+
+def markdown(study: Study) -> str:
+    """claims.md."""
+    paper = [claims.judged(study, claim) for claim in claims.CLAIMS]
+    best = "`aircl_corrected` is best or tied among rows that are not given the true reward"
+    ours = [(best, "ours", claims.best_without_reward(study)), *(claims.judged(study, claim) for claim in claims.OURS)]
+    measure: list[Judged] = [
+        ("Values like the paper's are those of runs stopped before convergence", "ours", convergence.findings(study)),
+        ("A higher RCAcc goes with fewer violations", "Section 7.1", claims.ranks(study)),
+    ]
+    smoke = study.job.scale == "smoke"
+    introduction = (
+        f"`{study.command}`, at commit `{study.commit}`; computed from the cells of [table1.md](table1.md), nothing by hand. A "
+        "claim holds, or does not hold, if more than half of its lines do; a line whose cells are missing cannot be told. "
+        f"With fewer than {FEWEST_SEEDS} seeds nothing can."
+    )
+    animals = "Figures 2 and 4 of the paper, on animals, are not in these cells: see `results/figure2` and `results/figure4`."
+    parts = [
+        "# Smoke test of the claims' machinery" if smoke else "# The paper's claims beside what we measured",
+        *([warning(study)] if smoke else []),
+        introduction,
+        _summary("What the paper says", paper),
+        _summary("What this project says", ours),
+        _summary("What the measures say", measure),
+        animals,
+        f"## What RCAcc is at the optimum\n\n{claims.at_the_optimum(study)}",
+        "# Evidence",
+        *(_evidence(*one) for one in (*paper, *ours, *measure)),
+        "# Rules",
+        "\n".join(f"- {rule}" for rule in _rules()),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _summary(title: str, judged: Sequence[Judged]) -> str:
+    rows = [("claim", "where", "what we measured", "verdict")]
+    rows += [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in judged]
+    return f"## {title}\n\n" + table(rows)
+
+
+def _verdict(findings: Sequence[Finding]) -> str:
+    found = overall(findings)
+    absent = found == "cannot be told" and any(finding.because.startswith("cells missing") for finding in findings)
+    return f"{found}: cells missing" if absent else found
+
+
+def _counted(findings: Sequence[Finding]) -> str:
+    """How the lines fall, with their environments."""
+    parts = []
+    for verdict in ("holds", "does not hold", "cannot be told"):
+        envs = Counter(finding.env for finding in findings if finding.verdict == verdict)
+        named = ", ".join(env + (f" ×{count}" if count > 1 else "") for env, count in envs.items())
+        if envs:
+            parts.append(f"{verdict}: {envs.total()} of {len(findings)} ({named})")
+    return "; ".join(parts)
+
+
+def _evidence(text: str, where: str, findings: Sequence[Finding]) -> str:
+    rows = [("env", "line", "what we measured", "verdict")]
+    for finding in findings:
+        verdict = finding.verdict + (f" ({finding.because})" if finding.because else "")
+        rows.append((finding.env, finding.what.replace("|", "\\|"), finding.measured, verdict))
+    return f"## {text} ({where})\n\n" + table(rows)
+
+
+def _rules() -> list[str]:
+    better = f"lower is better in {', '.join(LOWER_IS_BETTER)}, higher in everything else"
+    return [
+        f"*One row before another.* {Contrast.rule} Gains are so signed that more is better ({better}).",
+        f"*A limit.* {Bound.rule}",
+        f"*One environment harder than another.* {Harder.rule}",
+        f"*Stopped before convergence.* {convergence.RULE}",
+        "*Best or tied.* Not shown to be worse than the best mean (Wilcoxon over seeds, Holm over the column, p ≥ 0.05).",
+        "*Rank correlation.* Spearman's ρ of the rows' means. Holds: negative, p < 0.05. Does not hold: not negative.",
+    ]

@@ -1,0 +1,93 @@
+"""Learning curves: have ours settled, and are the paper's values those of runs stopped before convergence?"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER, PAPER, PRINTED, Printed
+from experiments.table1.cells import Cell, Study
+from experiments.table1.claim_rules import Finding, Verdict, told
+
+RULE = (
+    "Curves are means over seeds at the evaluations; 0 is the untrained policy. Near: every measure that the paper prints for "
+    "the row is within the paper's standard deviation of the paper's mean. Holds: near at some evaluation, and not at the end. "
+    "Does not hold: near at the end, or never."
+)
+STILL = 0.005  # a change of the violation rate that counts as none
+
+
+class Passage(NamedTuple):
+    """Where a curve goes past a value: the iteration of the first evaluation beyond it, None where it never does."""
+
+    start: float
+    end: float
+    iteration: int | None
+
+    @property
+    def words(self) -> str:
+        if self.iteration is None:
+            return f"{self.start:.3f} → {self.end:.3f}, never passes"
+        return f"{self.start:.3f} → {self.end:.3f}, passes at {self.iteration}"
+
+
+def curve(cell: Cell, metric: str) -> tuple[np.ndarray, np.ndarray]:
+    """The evaluated iterations and the mean over seeds; iterations at which it is undefined are left out."""
+    iterations = np.array(cell["curves"]["iteration"])
+    rows = cell["curves"].get(metric, [])
+    values = np.array([[np.nan if one is None else one for one in row] for row in rows], float)
+    mean = values.mean(axis=1) if len(values) else np.full(len(iterations), np.nan)
+    defined = np.isfinite(mean)
+    return iterations[defined], mean[defined]
+
+
+def passage(iterations: np.ndarray, mean: np.ndarray, value: float) -> Passage:
+    """The first evaluation that is on the other side of the value than the first one, or on it."""
+    beyond = (mean - value) * (mean[0] - value) <= 0
+    first = int(iterations[beyond.argmax()]) if beyond.any() else None
+    return Passage(float(mean[0]), float(mean[-1]), first)
+
+
+def near(cell: Cell, printed: Printed) -> dict[int, bool]:
+    """{iteration: whether every printed measure is within one standard deviation}, where all of them are defined."""
+    found: dict[int, bool] | None = None
+    for metric, (value, std) in printed.items():
+        iterations, mean = curve(cell, metric)
+        here = {int(step): bool(abs(one - value) <= std) for step, one in zip(iterations, mean, strict=True)}
+        found = here if found is None else {step: found[step] and here[step] for step in found if step in here}
+    return found or {}
+
+
+def settled(cell: Cell) -> str:
+    """Whether the violation rate of π still moves: yes, no, or — with fewer than eight evaluations."""
+    curve = np.array(cell["curves"].get("violation_rate_policy", []), float)
+    if len(curve) < 8:
+        return "—"
+    mean, quarter = curve.mean(axis=1), len(curve) // 4
+    change = abs(mean[-quarter:].mean() - mean[-2 * quarter : -quarter].mean())
+    spread = curve[-1].std(ddof=1) if curve.shape[1] > 1 else 0.0
+    return "yes" if change <= max(spread, STILL) else "no"
+
+
+def findings(study: Study) -> list[Finding]:
+    """A line for each row and environment of the paper's table."""
+    return [_finding(study, env, method) for env in COLUMNS for method in METHODS_OF_THE_PAPER]
+
+
+def _finding(study: Study, env: str, method: str) -> Finding:
+    cell, printed = study.cells.get((env, method)), PAPER[env][method]
+    if cell is None:
+        return Finding(env, method, "—", "cannot be told", f"cells missing: {method}")
+    words = []
+    for metric in PRINTED:
+        iterations, mean = curve(cell, metric)
+        if metric in printed and len(mean):
+            words.append(f"{metric} {printed[metric][0]:.3f}: ours {passage(iterations, mean, printed[metric][0]).words}")
+    close = near(cell, printed)
+    if not close:
+        return Finding(env, method, "; ".join(words) or "—", "cannot be told", "no curve of all that the paper prints")
+    steps = [step for step, is_near in close.items() if is_near]
+    span = f"near first at {steps[0]}, last at {steps[-1]}" if steps else "never near"
+    measured = "; ".join([*words, f"{span}, of {cell['iterations']} iterations"])
+    at_end = close[max(close)]
+    verdict: Verdict = "holds" if steps and not at_end else "does not hold"
+    return told(Finding(env, method, measured, verdict, "near at the end" if at_end else ""), len(cell["seeds"]))

@@ -1,0 +1,243 @@
+"""Table 1 as Markdown and as JSON: ours beside the paper's, what the seeds can show, and what every cell was made with."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from aircl_jax.reports.summary import statistics, versions
+from experiments.shared.commits import changed_since
+from experiments.shared.paired_tests import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, each, interval
+from experiments.shared.paper import PAPER
+from experiments.table1.cells import COLUMNS, KNOWS_REWARD, ROWS, Cell, Study, other_settings
+from experiments.table1.convergence import STILL, settled
+
+LEVELS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # of the violation rate, in the performance profile
+
+
+class Measure(NamedTuple):
+    """A table of methods × environments; `better` says what is in bold."""
+
+    metric: str
+    title: str
+    better: str  # lower, higher, or neither
+
+
+FIRST = (
+    Measure("rc_acc", "RCAcc: share of the demonstrations with D > ½", "neither"),
+    Measure("balanced_acc", "Balanced accuracy of D: demonstrations and fresh samples", "neither"),
+    Measure("violation_rate", "Violation rate of q: share of timesteps", "lower"),
+    Measure("violation_rate_policy", "Violation rate of π: share of timesteps", "lower"),
+)
+SECOND = (
+    Measure("return_ratio", "Return of π over the expert's", "higher"),
+    Measure("feasibility_auroc", "AUROC of δ̄ on the reference set", "higher"),
+    Measure("feasibility_gap", "Gap of δ̄: mean of feasible minus mean of infeasible trajectories", "higher"),
+    Measure("reward_correlation", "Correlation of f with the true reward", "higher"),
+)
+
+
+def markdown(study: Study) -> str:
+    """table1.md."""
+    parts = [
+        *_heading(study),
+        *_missing(study),
+        *(_measure_table(study, measure) for measure in FIRST),
+        "# Beside it",
+        *(_measure_table(study, measure) for measure in SECOND),
+        _effort_table(study),
+        *_profile(study),
+        *_provenance(study),
+        *_every_seed(study),
+        *_alarms(study),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def as_json(study: Study) -> str:
+    """table1.json: the cells' summaries without their curves, the paper's numbers, what is missing, what is tied best."""
+    kept: dict[str, dict[str, Cell]] = {env: {} for env in COLUMNS}
+    for (env, method), cell in study.cells.items():
+        kept[env][method] = {name: value for name, value in cell.items() if name not in ("curves", "settings")}
+    whole = {
+        "scale": study.job.scale,
+        "command": study.command,
+        "commit": study.commit,
+        "versions": versions(),
+        "missing": {f"{env}/{method}": reason for (env, method), reason in study.missing.items()},
+        "best_or_tied": {
+            measure.metric: {env: sorted(bold(study, env, measure)) for env in COLUMNS}
+            for measure in (*FIRST, *SECOND)
+            if measure.better != "neither"
+        },
+        "paper": PAPER,
+        "cells": kept,
+    }
+    return json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def warning(study: Study) -> str:
+    """What a smoke test's pages begin with."""
+    return (
+        f"**This tests the machinery and says nothing about the methods**: `scale=smoke`, {study.job.seeds} seeds of "
+        f"{study.job.iterations} iterations, of most methods on the grid alone."
+    )
+
+
+def bold(study: Study, env: str, measure: Measure) -> set[str]:
+    return best_or_tied(study.column(env, measure.metric), measure.better == "lower")
+
+
+def _heading(study: Study) -> list[str]:
+    smoke = study.job.scale == "smoke"
+    title = "# Smoke test of Table 1's machinery" if smoke else "# Table 1, ours beside the paper's"
+    counts: dict[str, set[int]] = {env: set() for env in COLUMNS}
+    for (env, _), cell in study.cells.items():
+        counts[env].add(cell["iterations"])
+    ran = ", ".join(f"{env} {' or '.join(map(str, sorted(found)))}" for env, found in counts.items() if found) or "none yet"
+    seconds = sum(cell["wall_s"] for cell in study.cells.values())
+    devices = sorted({cell["versions"]["devices"] for cell in study.cells.values()})
+    made = (
+        f"`{study.command}`, at commit `{study.commit}`. {len(study.cells)} of {len(COLUMNS) * len(ROWS)} cells, "
+        f"{seconds / 3600:.1f} hours together on {' or '.join(devices) or 'no device'}. Iterations: {ran}."
+    )
+    numbers = (
+        f"Ours: mean ± standard deviation over seeds, [{100 * CONFIDENCE:.0f} % bootstrap interval of the mean]; beside it "
+        "what the paper prints, mean ± standard deviation. Robots have a transition noise of 0.001 (`env.noise`). — is "
+        "undefined or missing. † is given the true reward."
+    )
+    fat = (
+        "**Bold**: the best mean, and every row that a paired test does not show to be worse (Wilcoxon's signed-rank test "
+        f"over seeds against the best, Holm's correction over the column, p < {SIGNIFICANCE:g}). No bold where the seeds are "
+        "too few to show anything. RCAcc and balanced accuracy have none: where π has become the expert, D is ½ and both are "
+        "coins. A low violation rate says nothing of a policy that does not do the task: see the return."
+    )
+    return [title, *([warning(study)] if smoke else []), made, numbers, fat]
+
+
+def _missing(study: Study) -> list[str]:
+    if not study.missing:
+        return []
+    lines = [f"- {reason}: {', '.join(places)}" for reason, places in _grouped(study.missing).items()]
+    return ["## Missing cells", "\n".join(lines)]
+
+
+def _grouped(places: Mapping[tuple[str, str], str]) -> dict[str, list[str]]:
+    """{reason: cells}; an environment of which all are concerned stands for its cells."""
+    found: dict[str, list[str]] = {}
+    for reason in dict.fromkeys(places.values()):
+        for env in COLUMNS:
+            rows = [method for method in ROWS if places.get((env, method)) == reason]
+            if rows:
+                found.setdefault(reason, []).append(f"{env} (all)" if len(rows) == len(ROWS) else f"{env}: {', '.join(rows)}")
+    return found
+
+
+def _measure_table(study: Study, measure: Measure) -> str:
+    printed = any(measure.metric in row for row in PAPER["gridworld"].values())
+    head = ["method"]
+    for env in COLUMNS:
+        head += [env, "paper's"] if printed else [env]
+    best = {env: bold(study, env, measure) if measure.better != "neither" else set() for env in COLUMNS}
+    rows = []
+    for method in ROWS:
+        row = [name_of(method)]
+        for env in COLUMNS:
+            text = shown(study.column(env, measure.metric, [method]).get(method))
+            row.append(f"**{text}**" if method in best[env] else text)
+            if printed:
+                row.append(_printed(PAPER[env].get(method, {}).get(measure.metric)))
+        rows.append(row)
+    return f"## {measure.title}\n\n" + table([head, *rows])
+
+
+def name_of(method: str) -> str:
+    return f"`{method}`" + (" †" if method in KNOWS_REWARD else "")
+
+
+def shown(values: Values | None) -> str:
+    """mean ± std [low, high]."""
+    if not values:
+        return "—"
+    found = statistics([np.nan if value is None else value for value in values.values()])
+    if found["mean"] is None:
+        return "—"
+    spread = "" if found["std"] is None else f" ± {found['std']:.3f}"
+    bounds = interval(values.values())
+    return f"{found['mean']:.3f}{spread}" + (f" [{bounds[0]:.3f}, {bounds[1]:.3f}]" if bounds else "")
+
+
+def _printed(value: tuple[float, float] | None) -> str:
+    return "—" if value is None else f"{value[0]:.3f} ± {value[1]:.3f}"
+
+
+def table(rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; the first row is its head."""
+    head, *body = [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([head, "|---" * (head.count(" | ") + 1) + "|", *body])
+
+
+def _effort_table(study: Study) -> str:
+    rows = []
+    for method in ROWS:
+        row = [name_of(method)]
+        for env in COLUMNS:
+            cell = study.cells.get((env, method))
+            row += [f"{cell['wall_s'] / 60:.1f}", f"{cell['env_steps']:,}", settled(cell)] if cell else ["—"] * 3
+        rows.append(row)
+    head = ["method", *(text for env in COLUMNS for text in (f"{env}, min", "env steps", "settled"))]
+    return (
+        "## Wall time, environment steps, and whether the curve has settled\n\n"
+        "All seeds together. Settled: the violation rate of π, mean over seeds, differs between the last two quarters of the "
+        f"training by no more than its standard deviation over seeds at the end, or than {STILL:g}.\n\n" + table([head, *rows])
+    )
+
+
+def _profile(study: Study) -> list[str]:
+    """Share of all (environment, seed) runs whose violation rate is at most τ."""
+    rows = []
+    for method in ROWS:
+        columns = [study.column(env, "violation_rate_policy", [method]).get(method, {}) for env in COLUMNS]
+        runs = [value for values in columns for value in values.values() if value is not None]
+        envs = [env for env in COLUMNS if (env, method) in study.cells]
+        shares = [f"{np.mean([run <= level for run in runs]):.2f}" for level in LEVELS] if runs else ["—"] * len(LEVELS)
+        rows.append([name_of(method), *shares, ", ".join(envs) or "—"])
+    head = ["method", *(f"≤ {level:g}" for level in LEVELS), "over the seeds of"]
+    return ["## Performance profile: share of runs by violation rate of π", table([head, *rows])]
+
+
+def _provenance(study: Study) -> list[str]:
+    commits: dict[str, dict[tuple[str, str], str]] = {}
+    for place, cell in study.cells.items():
+        commits.setdefault(" then ".join(cell["commits"]), {})[place] = ""
+    lines = []
+    for commit, places in commits.items():
+        changed = changed_since(commit.split()[-1])
+        state = {True: "the library has changed since", False: "the library is the same today", None: "cannot be compared"}
+        lines.append(f"- commit `{commit}` ({state[changed]}): {'; '.join(_grouped(places)[''])}")
+    differing = other_settings(study.job, study.cells)
+    lines += [f"- **other settings**, {difference}: {', '.join(places)}" for difference, places in differing.items()]
+    example = next(iter(study.cells.values()), None)
+    lines += [f"- a cell's own command, for instance: `{example['command']}`"] if example else []
+    return ["## What the cells were made with", "\n".join(lines) or "No cell is there yet."]
+
+
+def _every_seed(study: Study) -> list[str]:
+    parts = ["## Every seed"]
+    for env in COLUMNS:
+        lines = []
+        for method in ROWS:
+            cell = study.cells.get((env, method))
+            if cell:
+                kinds = (("RCAcc", "rc_acc"), ("q", "violation_rate"), ("π", "violation_rate_policy"))
+                seeds = [f"{word} {each(cell['metrics'][metric]['per_seed'])}" for word, metric in kinds]
+                lines.append(f"- {method}: {'; '.join(seeds)}")
+        if lines:
+            parts += [f"{env}: RCAcc, violation rates of q and of π", "\n".join(lines)]
+    return parts
+
+
+def _alarms(study: Study) -> list[str]:
+    lines = [f"- {env}/{method}: {sentence}" for (env, method), cell in study.cells.items() for sentence in cell["alarms"]]
+    return ["## Alarms", "\n".join(lines) or "None rang."]

@@ -1,0 +1,79 @@
+"""What a run recovered in ranks and words, on numbers worked by hand; and its figures."""
+
+import numpy as np
+import pytest
+
+from aircl_jax.analysis.recovered import Recovered, avoided, beginning, expected, rank_agreement, rewarding
+from aircl_jax.figures.grids import codes
+from aircl_jax.reports.recovered_words import in_words
+from envs import Codes, Maze
+
+# Three activities: sleep goes on or becomes eat; eat becomes sleep or play; play never follows sleep.
+SEEN = np.array([[50, 20, 0], [10, 30, 10], [10, 0, 20]])
+REWARD = np.array([[1.0, 2.0, -3.0], [0.5, 1.0, -1.0], [1.5, 0.0, 1.0]])
+DELTA = np.array([[1.0, 1.0, 0.1], [1.0, 1.0, 1.0], [1.0, 0.2, 1.0]])
+CODES = Codes(("sleep", "eat", "play"), np.zeros((3, 3), dtype=bool))
+
+
+def recovered(seeds: int = 3) -> Recovered:
+    def repeated(values: np.ndarray) -> np.ndarray:
+        return np.repeat(values[None], seeds, axis=0)
+
+    return Recovered(repeated(REWARD), repeated(DELTA), repeated(np.log(np.full((3, 3), 1 / 3))), SEEN)
+
+
+def test_chance_is_how_often_a_code_ends_times_how_often_the_others_begin():
+    found = expected(SEEN, CODES.impossible)
+    # 20 ends of sleep; eat begins 20 times and play 10: 20 · 20/30 and 20 · 10/30.
+    np.testing.assert_allclose(found[0], [0, 40 / 3, 20 / 3])
+    impossible = np.array([[False, False, True], [False] * 3, [False] * 3])
+    np.testing.assert_allclose(expected(SEEN, impossible)[0], [0, 20, 0])
+
+
+def test_beginning_is_the_mean_over_the_changes_that_were_made():
+    np.testing.assert_allclose(beginning(recovered())[0], [(0.5 * 10 + 1.5 * 10) / 20, 2.0, -1.0])
+
+
+def test_changes_are_ranked_by_reward_where_they_were_seen():
+    assert rewarding(recovered()) == [(0, 1), (2, 0), (1, 0), (1, 2)]
+
+
+def test_avoided_is_infeasible_although_chance_would_have_shown_it():
+    assert avoided(recovered(), CODES) == [(0, 2), (2, 1)]
+    ruled_out = Codes(CODES.names, np.array([[False, False, True], [False] * 3, [False] * 3]))
+    assert avoided(recovered(), ruled_out) == [(2, 1)]
+
+
+def test_rank_agreement_is_spearmans_for_every_pair_of_seeds():
+    values = np.array([[1.0, 2.0, 3.0, 4.0], [10.0, 20.0, 30.0, 40.0], [4.0, 3.0, 2.0, 1.0]])
+    np.testing.assert_allclose(rank_agreement(values), [1.0, -1.0, -1.0])
+    assert len(rank_agreement(values[:1])) == 0
+
+
+def test_the_words_name_what_is_sought_and_what_is_avoided():
+    text = in_words(recovered(), CODES)
+    assert "| 1 | eat | 2.00 ± 0.00 | 1.00 ± 0.00 | 20 |" in text
+    assert "| sleep | eat | 2.00 ± 0.00 | 20 of 20 |" in text
+    assert "| sleep | play | 0.10 ± 0.00 | 0 | 7 |" in text
+    assert "rank correlation of 1.00 on average" in text
+    assert "One seed alone" in in_words(recovered(1), CODES)
+
+
+def test_what_a_method_does_not_learn_is_not_put_in_words():
+    unknown = np.full((3, 3, 3), np.nan)
+    assert "avoid" not in in_words(recovered()._replace(delta=unknown), CODES)
+    assert in_words(recovered()._replace(delta=unknown, reward=unknown), CODES) == ""
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_every_figure_of_codes_is_drawn_with_a_caption(seeds):
+    drawings = list(codes.draw(recovered(seeds), CODES, "three activities"))
+    assert [drawing.name for drawing in drawings] == ["activities", "reward_by_change", "feasibility_by_change"]
+    assert all("three activities" in drawing.caption for drawing in drawings)
+
+
+def test_reward_of_arriving_is_over_the_moves_to_a_node_and_not_over_staying():
+    world = Maze(np.zeros((2, 2)), np.array([[1, 0], [0, 1]]), {"home": 0})  # action 0 changes the node, 1 stays
+    values = np.array([[[5.0, 9.0], [7.0, 9.0]]])
+    np.testing.assert_allclose(maze.arriving(values, world, np.array([[1, 1], [1, 1]])), [[7.0, 5.0]])
+    assert np.isnan(maze.arriving(values, world, np.array([[0, 1], [1, 1]]))[0, 1])

@@ -1,0 +1,152 @@
+"""Runs that are really killed, at several moments, and continued: the same bytes as the run that nobody touched."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aircl_jax import train
+from aircl_jax.runs.directory import METRICS, STATE, SUMMARY
+
+ITERATIONS, CHUNK = 12, 3
+SETTINGS = {
+    "env": "gridworld",
+    "env_settings": {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4},
+    "seeds": 2,
+    "config": {
+        "num_trajectories": 6,
+        "num_demonstrations": 5,
+        "num_evaluation": 10,
+        "pool": 2,
+        "hidden": [4, 3],
+        "chunk": CHUNK,
+        "ppo": {"num_epochs": 1, "minibatch_size": 24},
+        "adversary": {"num_steps": 1},
+    },
+}
+# A process that trains and kills itself at a moment of its own: nothing is flushed, nothing is cleaned up.
+SCRIPT = """
+import json, os, signal, sys
+from aircl_jax import runtime
+runtime.prepare(devices=2)
+from aircl_jax import checkpoint, runs, train
+
+moment, settings = sys.argv[1], json.loads(sys.argv[2])
+
+def die(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def half_a_line(self, rows):
+    with (self.path / runs.METRICS).open("a") as file:
+        file.write('{"half": [1.')
+    die()
+
+if moment == "compiling":
+    settings["on_progress"] = die
+elif moment == "between_chunks":
+    settings["on_progress"] = lambda progress: progress.metrics and die()
+elif moment == "while_logging":
+    runs.RunDirectory.append_metrics = half_a_line
+elif moment == "before_the_rename":
+    checkpoint._crc32 = die
+elif moment == "before_the_timing":
+    runs.RunDirectory.append_timing = die
+train(**settings)
+"""
+MOMENTS = ("compiling", "while_logging", "between_chunks", "before_the_rename", "before_the_timing")
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("runs") / "uninterrupted"
+    train(**SETTINGS, iterations=ITERATIONS, run_dir=path)
+    return path
+
+
+def test_a_run_killed_at_five_moments_ends_with_the_same_bytes(uninterrupted, tmp_path):
+    settings = {**SETTINGS, "iterations": ITERATIONS, "run_dir": str(tmp_path / "run"), "resume": True}
+    for moment in MOMENTS:
+        killed = subprocess.run([sys.executable, "-c", SCRIPT, moment, json.dumps(settings)], check=False)
+        assert killed.returncode == -signal.SIGKILL, moment
+        assert not (tmp_path / "run" / SUMMARY).exists()
+
+    result = train(**settings)
+
+    assert (tmp_path / "run" / METRICS).read_bytes() == (uninterrupted / METRICS).read_bytes()
+    assert result.summary["metrics"] == json.loads((uninterrupted / SUMMARY).read_text())["metrics"]
+
+
+@pytest.mark.parametrize("remainder", [1, 2])
+def test_a_longer_run_has_the_bytes_of_one_that_was_meant_to_be_longer(uninterrupted, tmp_path, remainder):
+    train(**SETTINGS, iterations=CHUNK + remainder, run_dir=tmp_path / "run")
+    train(**SETTINGS, iterations=ITERATIONS, run_dir=tmp_path / "run", resume=True)
+    assert (tmp_path / "run" / METRICS).read_bytes() == (uninterrupted / METRICS).read_bytes()
+
+
+def test_an_interrupt_waits_for_the_chunk_and_saves_it(tmp_path):
+    def interrupt(progress):
+        if progress.iteration == CHUNK:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+
+    with pytest.raises(KeyboardInterrupt):
+        train(**SETTINGS, iterations=ITERATIONS, run_dir=tmp_path, on_progress=interrupt)
+    assert [path.name for path in (tmp_path / STATE).iterdir()] == [f"{CHUNK:08d}"]
+
+
+@pytest.fixture
+def finished(uninterrupted, tmp_path) -> Path:
+    return Path(shutil.copytree(uninterrupted, tmp_path / "copy"))
+
+
+def test_a_finished_run_is_read_and_not_touched(finished):
+    before = {path: path.stat().st_mtime_ns for path in finished.rglob("*")}
+    result = train(**SETTINGS, iterations=ITERATIONS, run_dir=finished, resume=True)
+    assert {path: path.stat().st_mtime_ns for path in finished.rglob("*")} == before
+    assert result.summary["iterations"] == ITERATIONS
+    assert np.array_equal(result.states.step, [ITERATIONS, ITERATIONS])
+
+
+def test_a_changed_setting_is_refused_with_the_difference(finished):
+    with pytest.raises(ValueError, match=r"method is aircl_corrected there and airl here"):
+        train(**SETTINGS, method="airl", iterations=ITERATIONS, run_dir=finished, resume=True)
+
+
+def test_a_shorter_run_is_refused(finished):
+    with pytest.raises(ValueError, match=r"at iteration 12 already; iterations=3 would shorten it"):
+        train(**SETTINGS, iterations=3, run_dir=finished, resume=True)
+
+
+def damage_by_truncation(checkpoint: Path) -> None:
+    largest = max((path for path in checkpoint.rglob("*") if path.is_file()), key=lambda path: path.stat().st_size)
+    largest.write_bytes(largest.read_bytes()[: largest.stat().st_size // 2])
+
+
+def damage_by_removal(checkpoint: Path) -> None:
+    shutil.rmtree(checkpoint / "arrays" / "d")
+
+
+def damage_by_a_wrong_checksum(checkpoint: Path) -> None:
+    (checkpoint / "checksum.json").write_text('{"crc32": 1}')
+
+
+@pytest.mark.parametrize("damage", [damage_by_truncation, damage_by_removal, damage_by_a_wrong_checksum])
+def test_a_damaged_checkpoint_is_refused_and_nothing_is_lost(damage, finished):
+    damage(finished / STATE / f"{ITERATIONS:08d}")
+    metrics = (finished / METRICS).read_bytes()
+    with pytest.raises(ValueError, match=r"checkpoint .* is damaged"):
+        train(**SETTINGS, iterations=ITERATIONS + 1, run_dir=finished, resume=True)
+    assert (finished / METRICS).read_bytes() == metrics
+
+
+def test_metrics_cut_short_of_the_checkpoint_are_refused(finished):
+    (finished / METRICS).write_text((finished / METRICS).read_text()[:1000])
+    with pytest.raises(ValueError, match=r"cut short"):
+        train(**SETTINGS, iterations=ITERATIONS + 1, run_dir=finished, resume=True)

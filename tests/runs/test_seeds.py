@@ -1,0 +1,84 @@
+"""Seed s is the integer s: the same run alone or among ten, on one device or on two.
+
+The initial state is the same to the bit. A step is the same to rounding: on a CPU a device's seeds go one after another, and
+the compiler still treats loops of different lengths differently (6e-10 of a parameter after three steps).
+"""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.methods import METHODS
+from aircl_jax.runs import seeds
+from aircl_jax.runs.seeds import make_runner, seed_keys
+from tests.worlds import TINY, random_trajectories, tiny_grid
+
+STEPS = 3
+
+
+def assert_same_to_rounding(one, other):
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-7), one, other)
+
+
+def assert_equal(one, other):
+    jax.tree.map(np.testing.assert_array_equal, one, other)
+
+
+@pytest.fixture(scope="module", params=["airl_centred", pytest.param("aircl_corrected", marks=pytest.mark.slow)])
+def trainer(request):
+    return make_trainer(tiny_grid(), METHODS[request.param], replace(TINY, hidden=(4,)))
+
+
+def run(trainer, chosen, chunks=(STEPS,)):
+    """Initial parameters, parameters after the chunks, and metrics [length, S] of the last."""
+    one = random_trajectories(tiny_grid(), 0, TINY.num_demonstrations)
+    expert = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (len(chosen), *leaf.shape)), one)
+    runner = make_runner(trainer, chosen)
+    states = runner.init(expert)
+    first, metrics = jax.tree.map(np.asarray, states.params), {}
+    for length in chunks:
+        states, metrics = runner.run_chunk(states, expert, length)
+    return first, jax.tree.map(np.asarray, states.params), metrics
+
+
+def seed_of(tree, index):
+    return jax.tree.map(lambda leaf: leaf[index], tree)
+
+
+def test_key_of_a_seed_is_that_of_the_integer():
+    keys = jax.random.key_data(seed_keys([0, 3, 7]))
+    np.testing.assert_array_equal(keys[1], jax.random.key_data(jax.random.key(3)))
+
+
+def test_seed_three_is_the_same_alone_and_among_ten(trainer):
+    first, last, metrics = run(trainer, range(10))
+    first_alone, last_alone, metrics_alone = run(trainer, [3])
+    assert_equal(seed_of(first, 3), seed_of(first_alone, 0))
+    assert_same_to_rounding(seed_of(last, 3), seed_of(last_alone, 0))
+    assert metrics["return"].shape == (STEPS, 10)
+    assert_same_to_rounding(metrics["return"][:, 3], metrics_alone["return"][:, 0])
+
+
+def test_different_seeds_run_differently(trainer):
+    first, _, _ = run(trainer, range(10))
+    kernels = jax.tree.leaves(first)[1]
+    assert len(np.unique(kernels.reshape(10, -1), axis=0)) == 10
+
+
+def test_one_device_is_two_devices(trainer, monkeypatch):
+    assert jax.device_count() == 2
+    first, last, _ = run(trainer, range(4))
+    monkeypatch.setattr(seeds, "_shards", lambda number: 1)
+    first_one, last_one, _ = run(trainer, range(4))
+    assert_equal(first, first_one)
+    assert_same_to_rounding(last, last_one)
+
+
+@pytest.mark.slow
+def test_two_chunks_are_one_chunk_of_their_length(trainer):
+    _, last, _ = run(trainer, [0, 1], chunks=(4,))
+    _, last_twice, _ = run(trainer, [0, 1], chunks=(2, 2))
+    assert_equal(last, last_twice)
