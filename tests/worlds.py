@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.terms.logits import Batches
+from aircl_jax.algorithm.terms.table import TERMS
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.demonstrations.soft_optimal import occupancy
 from aircl_jax.methods import METHODS, Method
@@ -153,3 +154,28 @@ def command_module(name: str) -> Any:
     """The module that `python -m NAME` runs."""
     package = importlib.import_module(name)
     return importlib.import_module(f"{name}.__main__") if hasattr(package, "__path__") else package
+
+
+# Of the terms in the tests of equations: each another number, so that none stands for another.
+COEFFICIENTS = Coefficients(contrast_coef=0.3, minimal_coef=0.2, sampled_coef=0.5, icrl_coef=0.6, sequence_ridge=0.1)
+
+
+def sigmoid(x: Any) -> Any:
+    return 1 / (1 + np.exp(-x))
+
+
+def masked(x: Any, scores: Scores, reduce: Callable) -> Any:
+    """A reduction over the unmasked steps of each trajectory."""
+    return np.array([reduce(row[keep > 0]) for row, keep in zip(x, naive(scores).mask, strict=True)])
+
+
+def term(
+    name: str,
+    method: str = "aircl",
+    batches: Batches | None = None,
+    coefficients: Coefficients = COEFFICIENTS,
+    **adversary: Any,
+) -> Array:
+    """One term of a row's loss, in random batches where none are given."""
+    config = replace(TINY, adversary=AdversaryConfig(**adversary))
+    return TERMS[name](METHODS[method], config, coefficients, batches or random_batches())

@@ -56,6 +56,10 @@ def test_goal_rate_is_undefined_without_a_goal():
     assert jnp.isnan(goal_rate(TRAJECTORIES, None))
 
 
+def test_goal_rate_is_undefined_where_one_return_is_unknown():
+    assert jnp.isnan(goal_rate(TRAJECTORIES._replace(reward=REWARD.at[0, 2].set(jnp.nan)), 3.0))
+
+
 @pytest.mark.parametrize(
     ("score", "expected"),
     [

@@ -56,6 +56,13 @@ def test_rejection_draws_uniformly_where_nothing_is_accepted():
     np.testing.assert_array_equal(np.sort(index), np.arange(20))
 
 
+def test_rejection_draws_by_another_key_than_it_accepts_by():
+    key = jax.random.key(3)
+    by_first, by_second = (int(1000 * jax.random.uniform(one)) for one in jax.random.split(key))
+    (index,) = reject(jnp.zeros(1000), 1, key)  # all are accepted, and the one offset says which is drawn
+    assert index == by_second != by_first
+
+
 def test_rejection_never_draws_what_is_infeasible():
     log_delta = jnp.asarray([0.0, -300.0, 0.0, -300.0])
     assert set(np.asarray(reject(log_delta, 50, jax.random.key(1)))) == {0, 2}

@@ -48,6 +48,8 @@ def test_rank_agreement_is_spearmans_for_every_pair_of_seeds():
     values = np.array([[1.0, 2.0, 3.0, 4.0], [10.0, 20.0, 30.0, 40.0], [4.0, 3.0, 2.0, 1.0]])
     np.testing.assert_allclose(rank_agreement(values), [1.0, -1.0, -1.0])
     assert len(rank_agreement(values[:1])) == 0
+    curved = np.array([[1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 300.0, 20.0]])  # ranks 1, 2, 4, 3
+    np.testing.assert_allclose(rank_agreement(curved), [0.8])
 
 
 def test_the_words_name_what_is_sought_and_what_is_avoided():
@@ -57,6 +59,27 @@ def test_the_words_name_what_is_sought_and_what_is_avoided():
     assert "| sleep | play | 0.10 ± 0.00 | 0 | 7 |" in text
     assert "rank correlation of 1.00 on average" in text
     assert "One seed alone" in in_words(recovered(1), CODES)
+
+
+def test_the_words_count_leaving_by_what_came_before_and_spread_over_the_seeds_of_a_sample():
+    seen = np.array([[50, 30, 6], [10, 30, 10], [10, 0, 20]])
+    shifted = recovered().reward + np.array([-1.0, 0.0, 1.0])[:, None, None]
+    text = in_words(recovered()._replace(reward=shifted, seen=seen), CODES)
+    assert "| sleep | eat | 2.00 ± 1.00 | 30 of 36 |" in text
+    assert "| play | sleep | 1.50 ± 1.00 | 10 of 10 |" in text
+
+
+def test_the_words_tell_the_least_agreement_of_two_seeds_beside_the_mean():
+    reward = recovered().reward
+    reward[2] = -reward[2]  # the third seed ranks the other way round
+    text = in_words(recovered()._replace(reward=reward), CODES)
+    assert "these 4 changes agrees by a rank correlation of -0.33 on average, -1.00 at worst" in text
+
+
+def test_what_is_avoided_begins_with_the_least_feasible():
+    delta = np.repeat(DELTA[None], 3, axis=0)
+    delta[:, 2, 1] = 0.05
+    assert avoided(recovered()._replace(delta=delta), CODES) == [(2, 1), (0, 2)]
 
 
 def test_what_a_method_does_not_learn_is_not_put_in_words():

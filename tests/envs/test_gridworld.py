@@ -131,6 +131,29 @@ def test_visiting_zone_b_costs_only_after_zone_a():
     assert (total_cost(through_a_then_b), total_cost(past_a_through_b)) == (1.0, 0.0)
 
 
+def test_who_starts_in_zone_a_has_seen_it():
+    env = make_env("nonmarkov", slip=0.0, zone_a=[[0, 0]], zone_b=[[0, 1]])
+    state, _ = env.reset(jax.random.key(0))
+    state, _ = env.step(jax.random.key(0), state, jnp.asarray(RIGHT))
+    assert env.step(jax.random.key(0), state, jnp.asarray(RIGHT))[1].cost == 1.0
+
+
+def test_the_reward_does_not_know_whether_zone_a_was_seen():
+    reward = table_of(make_env("nonmarkov", slip=0.2)).reward
+    for half in (reward[:36], reward[36:]):
+        np.testing.assert_allclose(half, table_of(grid(slip=0.2)).reward, atol=1e-5)
+
+
+def test_the_whole_return_is_that_of_the_way_from_start_to_goal_in_units_of_the_reward():
+    assert grid().success_return == 5.0 * 10
+    assert grid(start=[0, 2], goal=[3, 5], reward_scale=0.5).success_return == 0.5 * 6
+
+
+def test_the_learned_reward_sees_row_and_column():
+    view = grid().reward_view(jnp.eye(36)[cell(2, 4)])
+    np.testing.assert_array_equal(view, np.concatenate([np.eye(6)[2], np.eye(6)[4]]))
+
+
 def test_nonmarkov_observation_hides_whether_zone_a_was_seen():
     table = table_of(make_env("nonmarkov"))
     np.testing.assert_array_equal(table.obs[:36], table.obs[36:])

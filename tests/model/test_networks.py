@@ -190,3 +190,10 @@ def test_linear_rows_have_a_linear_reward_and_feasibility_and_a_deep_policy():
     assert set(params.reward["params"]) == {"Dense_0"}
     assert set(params.feasibility["sequence"]["params"]) == {"Dense_0"}
     assert len(params.policy["params"]["MLP_0"]) == len(TINY.hidden) + 1
+
+
+def test_reward_and_feasibility_start_from_weights_of_their_own():
+    _, params = tiny_networks(tiny_grid(), "aircl_sa", replace(TINY, reward_input="obs"))  # both see the same
+    reward, feasibility = (one["params"]["Dense_0"]["kernel"] for one in (params.reward, params.feasibility["step"]))
+    assert reward.shape == feasibility.shape
+    assert (reward != feasibility).any()

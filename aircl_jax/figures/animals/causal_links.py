@@ -60,7 +60,7 @@ def differences(methods: Mapping[str, Sequence[float]], yardsticks: Mapping[str,
     axis = figure.subplots()
     for height, (name, seeds) in enumerate(zip(names, values, strict=True)):
         colour = GREY if name in yardsticks else BLUE
-        _row(axis, height, seeds, colour)
+        _row(axis, float(height), seeds, colour)
     floor = float(np.mean(yardsticks["noise floor"])) if "noise floor" in yardsticks else None
     if floor is not None:
         axis.axvline(floor, color=GREEN, lw=1, zorder=0)

@@ -1,4 +1,4 @@
-"""`experiments.figure4`: paired effects, the smoothed chain, cells that are kept, and a whole pass on the simulated mob."""
+"""`experiments.figure4`: the smoothed chain, cells that are kept, and a whole pass on the simulated mob."""
 
 import json
 
@@ -11,20 +11,6 @@ from envs.animals.meerkat import load
 from envs.options import MeerkatOptions
 from experiments.figure4 import cells
 from experiments.figure4.__main__ import main
-from experiments.shared.paired_tests import effect
-
-
-def test_an_effect_is_the_paired_difference_with_its_t_interval():
-    found = effect([3.0, 5.0, 7.0, 9.0], [2.0, 3.0, 4.0, 5.0])
-    assert found.mean == 2.5
-    # std of 1, 2, 3, 4 is 1.29; t(3) at 97.5 % is 3.182.
-    assert found.high - found.mean == pytest.approx(3.18245 * 1.29099 / 2, rel=1e-4)
-    assert found.size == pytest.approx(2.5 / 1.29099, rel=1e-4)
-    assert found.p == pytest.approx(0.125)  # 2 of 2⁴ signs are as one-sided
-
-
-def test_an_effect_of_one_seed_has_no_interval():
-    assert np.isnan(effect([1.0], [2.0]).low)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,117 @@
+"""What `benchmark`, `physics` and `frontier` print: each timing under its own name and in its unit, by made-up timings."""
+
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import aircl_jax
+from aircl_jax import runtime
+from aircl_jax.settings import env_defaults
+from experiments import pendulum_lqr, physics
+from experiments.benchmark import __main__ as benchmark
+from tests.worlds import TINY, random_trajectories, tiny_grid
+
+
+def test_a_benchmark_has_each_measure_under_its_name(monkeypatch):
+    speeds = {10: (20_000.0, 12.3), 1: (4_000.0, 45.6)}  # the faster is what the peer is compared with
+    monkeypatch.setattr(benchmark, "throughput", lambda settings, seeds: speeds[seeds])
+    monkeypatch.setattr(benchmark, "parts", lambda settings: {"a part": "1"})
+    monkeypatch.setattr(benchmark, "PEER_PYTHON", benchmark.Path(benchmark.__file__))
+    monkeypatch.setattr(benchmark, "peer", lambda settings: 5_000.0)
+    monkeypatch.setattr(benchmark, "second_start", lambda settings: 7.25)
+    usage = SimpleNamespace(RUSAGE_SELF=0, getrusage=lambda who: SimpleNamespace(ru_maxrss=3 * 2**20))  # kB
+    monkeypatch.setattr(benchmark, "resource", usage)
+    assert benchmark.measure(benchmark.Settings(env="swimmer", peer=True)) == {
+        "whole training, 10 seed(s), env steps/s": "20,000",
+        "  tracing and compiling, 10 seed(s), s": "12.3",
+        "whole training, 1 seed(s), env steps/s": "4,000",
+        "  tracing and compiling, 1 seed(s), s": "45.6",
+        "a part": "1",
+        "AIRL of imitation, one seed, env steps/s": "5,000",
+        "  ours is faster by": "4.0",
+        "second start until the first iteration is on disk, s": "7.2",
+        "peak memory of this process after both trainings, GiB": "3.00",
+    }
+
+
+def test_throughput_is_that_of_a_run_whose_second_chunk_is_timed(monkeypatch):
+    asked = {}
+
+    def trained(env, method, **given):
+        asked.update(given, env=env, method=method)
+        return SimpleNamespace(summary={"env_steps_per_s": 1234.0, "compile_s": 5.0})
+
+    monkeypatch.setattr(aircl_jax, "train", trained)
+    settings = benchmark.Settings(env="swimmer", chunk=3, epochs=2, integrator="rk4")
+    assert benchmark.throughput(settings, 4) == (1234.0, 5.0)
+    assert (asked["env"], asked["seeds"], asked["iterations"]) == ("swimmer", 4, 2 * 3)
+    assert (asked["env_settings"], asked["config"]) == ({"integrator": "rk4"}, {"chunk": 3, "ppo": {"num_epochs": 2}})
+
+
+def test_a_timing_is_the_median_of_five_after_the_compilation(monkeypatch):
+    instants = iter([0, 1, 10, 13, 20, 22, 30, 39, 40, 45])  # 1, 3, 2, 9 and 5 seconds
+    monkeypatch.setattr(benchmark, "time", SimpleNamespace(perf_counter=lambda: next(instants)))
+    result, seconds = benchmark._timed(lambda x: x + 1, 1)
+    assert (int(result), seconds) == (2, 3)
+
+
+def test_the_parts_of_an_iteration_are_in_milliseconds_and_beside_the_whole_step(monkeypatch):
+    policy = random_trajectories(tiny_grid(), 0, TINY.num_trajectories)
+    timed = iter([(policy, 0.002), ((None, None), 0.003), (None, 0.005), (None, 0.007)])
+
+    def by_hand(function, *inputs):
+        if isinstance(function, partial):  # bare physics
+            return None, 0.001
+        return next(timed, (None, 0.02))  # after those above the whole step
+
+    monkeypatch.setattr(env_defaults, "default_config", lambda env, settings: TINY)
+    monkeypatch.setattr(benchmark, "_timed", by_hand)
+    found = benchmark.parts(benchmark.Settings())
+    assert {name.removeprefix("one seed, one device: "): value for name, value in found.items()} == {
+        "bare physics, ms": "1.0",
+        "rollout, ms": "2.0",
+        "relabelling, ms": "3.0",
+        "adversary, ms": "5.0",
+        "PPO, ms": "7.0",
+        "whole step, ms": "20.0",
+        "whole step / bare physics": "20.00",
+        "whole step / rollout": "10.00",
+    }
+
+
+def test_the_speed_of_physics_is_all_steps_over_the_least_and_the_middle_time(monkeypatch):
+    seconds = iter([9.0, 4.0, 2.0, 8.0, 5.0, 10.0])  # the first compiles
+    monkeypatch.setattr(physics, "_seconds", lambda run: next(seconds))
+    assert physics.speed("pendulum", "planar", "euler") == (500 * 100 / 2.0, 500 * 100 / 5.0, 9.0)
+
+
+def test_the_table_of_physics_has_best_median_compile_time_and_deviation(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(runtime, "prepare", lambda **given: None)
+    monkeypatch.setattr(physics.tempfile, "TemporaryDirectory", lambda: SimpleNamespace(name=str(tmp_path)))
+    monkeypatch.setattr(physics, "speed", lambda name, engine, integrator: (34_567.0, 12_345.0, 6.7))
+    monkeypatch.setattr(physics, "deviation", lambda name, engine, integrator: {"euler": 2e-3, "rk4": 4e-5}[integrator])
+    assert physics.main(["bodies=walker"]) == 0
+    assert capsys.readouterr().out.splitlines()[2:] == [
+        "| walker | planar | euler | 34,567 (12,345) | 7 | 2.0e-03 |",
+        "| walker | planar | rk4 | 34,567 (12,345) | 7 | 4.0e-05 |",
+    ]
+
+
+def test_the_deviation_of_physics_is_from_c_mujoco_and_less_by_the_finer_integrator():
+    euler, rk4 = (physics.deviation("pendulum", "planar", integrator, episodes=2) for integrator in ("euler", "rk4"))
+    assert 0 < rk4 < euler < 5e-3
+
+
+def test_the_frontier_has_return_share_of_clean_episodes_their_return_and_violating_steps(monkeypatch, capsys):
+    def balanced(env, gain, place, settings):
+        clean = np.array([10.0, 20.0, 60.0]), np.array([0.0, 0.0, 3.0])
+        return clean if place < 0 else (np.array([7.0, 9.0, 11.0]), np.array([1.0, 2.0, 3.0]))
+
+    monkeypatch.setattr(pendulum_lqr, "regulator", lambda env: np.zeros((1, 4)))
+    monkeypatch.setattr(pendulum_lqr, "balance", balanced)
+    assert pendulum_lqr.main(["episodes=3"]) == 0
+    _, first, *_, last = [line.split("|") for line in capsys.readouterr().out.splitlines()]
+    assert [float(part) for part in first] == [-0.014, 30.0, 66.7, 15.0, 1.0]
+    assert [float(part) for part in last] == pytest.approx([0.0, 9.0, 0.0, np.nan, 2.0], nan_ok=True)

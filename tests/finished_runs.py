@@ -1,0 +1,92 @@
+"""Finished cells of Table 1 and runs at their start, made up: what reports and figures are tested on."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.demonstrations.sources import demonstrations
+from aircl_jax.model.networks import make_networks
+from aircl_jax.reports.summary import MEANINGS, summarise
+from aircl_jax.runs.result import Result
+from aircl_jax.runs.spec import make_plan
+from experiments.table1 import cells
+from experiments.table1.cells import COLUMNS, ROWS, Cell, Job, Study
+from tests.worlds import TINY, UNOPTIMISED
+
+FULL = Job("full", 10, 0, Path("mine"), Path("mine/runs"))  # Table 1, elsewhere
+
+
+def finished_cell(env: str = "gridworld", method: str = "aircl", seeds: int = 10, **metrics: Any) -> dict[str, Any]:
+    """A cell of Table 1 with these measures, one number for all seeds or one each; the others are undefined."""
+    names = (*cells.CURVES, "logit_size", "expert_return", "feasibility_auroc", "reward_correlation")
+    per_seed = {name: np.broadcast_to(metrics.get(name, np.nan), seeds).tolist() for name in names}
+    per_seed = {name: [None if np.isnan(one) else one for one in given] for name, given in per_seed.items()}
+    return {
+        "env": env,
+        "method": method,
+        "seeds": list(range(seeds)),
+        "iterations": 250,
+        "env_steps": 7000,
+        "wall_s": 60.0,
+        "versions": {"devices": "1 × cpu"},
+        "metrics": {name: {"per_seed": given} for name, given in per_seed.items()},
+        "scale": "full",
+        "command": f"python -m experiments.run env={env} method={method}",
+        "commit": "abc1234",
+        "commits": ["abc1234"],
+        "settings": {},
+        "alarms": [],
+        "curves": {"iteration": [0, 250], "violation_rate_policy": [[0.5] * seeds, [0.1] * seeds]},
+    }
+
+
+def study_of(*given: Cell) -> Study:
+    """What a full table with these cells alone is written from."""
+    found = {(cell["env"], cell["method"]): cell for cell in given}
+    missing = {(env, method): "not trained yet" for env in COLUMNS for method in ROWS if (env, method) not in found}
+    return Study(FULL, found, missing, "python -m experiments.table1", "abc1234")
+
+
+def around(centre: float, width: float = 0.01) -> np.ndarray:
+    """Ten different values with that mean."""
+    return centre + width * np.linspace(-1, 1, 10)
+
+
+@cache
+def untrained(method: str) -> Result:
+    """Two seeds at their start, with a made-up history of four iterations."""
+    measured = [*MEANINGS, "loss_discriminator", "value_loss", "approx_kl"]
+    plan = make_plan(
+        "gridworld",
+        method,
+        contrast_prior="method",
+        seeds=2,
+        first_seed=0,
+        iterations=4,
+        demonstrations="default",
+        env_settings={"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 5},
+        config=replace(TINY, num_evaluation=12),
+    )
+    expert, reference = demonstrations(plan.env, plan.seeds, plan.config)
+    reference = jax.tree.map(lambda leaf: leaf[::20], reference)
+    init = jax.jit(jax.vmap(make_trainer(plan.env, plan.method, plan.config).init), compiler_options=UNOPTIMISED)
+    random = np.random.default_rng(0)  # one for all: a curve in another's place would show
+    history = {name: random.uniform(size=(4, 2)) for name in measured}
+    history["log_std_at_bound"][:] = np.nan
+    summary = summarise(plan, {name: history[name][-1] for name in MEANINGS}, [])
+    return Result(
+        summary=summary,
+        alarms=[],
+        history=history,
+        plan=plan,
+        networks=make_networks(plan.env, plan.method, plan.config),
+        states=init(jax.random.split(jax.random.key(0)), expert),
+        expert=expert,
+        reference=reference,
+        run_dir=None,
+    )
