@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from aircl_jax.algorithm.evaluation import evaluate as evaluate_seed
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.demonstrations import sources
-from aircl_jax.model.networks import Networks, make_networks
+from aircl_jax.model.networks import Networks
 from aircl_jax.reports import run_report
 from aircl_jax.reports.alarms import alarms
 from aircl_jax.reports.summary import summarise
@@ -81,9 +81,10 @@ def load(run_dir: str | Path) -> Result:
     """
     directory = open_saved(Path(run_dir))
     plan = planned({**directory.settings, "iterations": directory.start})
-    networks = make_networks(plan.env, plan.method, plan.config)
+    trainer = make_trainer(plan.env, plan.method, plan.config)
+    networks = trainer.networks
     expert, reference = _demonstrations(plan)
-    init = jax.vmap(make_trainer(plan.env, plan.method, plan.config).init)
+    init = jax.vmap(trainer.init)
     states = directory.load(jax.eval_shape(init, seed_keys(plan.seeds), expert))
     if directory.finished:
         summary = directory.summary()
@@ -94,8 +95,8 @@ def load(run_dir: str | Path) -> Result:
 
 def _train(plan: Plan, directory: RunDirectory | None, command: str, on_progress: Callable[[Progress], None]) -> Result:
     stopwatch = Stopwatch()
-    runner = make_runner(make_trainer(plan.env, plan.method, plan.config), plan.seeds)
-    networks = make_networks(plan.env, plan.method, plan.config)
+    trainer = make_trainer(plan.env, plan.method, plan.config)
+    runner, networks = make_runner(trainer, plan.seeds), trainer.networks
     expert, reference = _demonstrations(plan)
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
     if directory and directory.finished and saved:

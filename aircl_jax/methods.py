@@ -1,4 +1,4 @@
-"""The table of methods: each row states what is learned, what judges it and which equations make up its loss."""
+"""The table of methods: each row states what is learned, what tells expert from policy and which equations make up its loss."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -9,17 +9,58 @@ class Method:
     """One row. The fused train step is the same for all; a row chooses its terms (names in `adversary.TERMS`)."""
 
     reward: Literal["learned", "true"]  # what the policy is driven by: f_θ, or the environment's own reward
-    judge: Literal["trajectory", "state_action", "centred", "feasibility", "none"]  # whose logit says "expert"
+    discriminator_of: Literal["trajectory", "step", "feasibility", "none"]  # whose logit says "expert"
     feasibility: Literal["none", "step", "sequence", "step_sequence"]  # the factors of δ̄(τ)
     terms: tuple[str, ...]  # summed to the adversary's loss
     # How a logit z becomes δ: σ(z), per-step factors multiplied over t; or the sharpened test of z as a log density
     # ratio, of which a trajectory takes the minimum over t.
     test: Literal["sigmoid", "ratio"] = "sigmoid"
     sampled_from: Literal["policy", "resampled", "pool"] = "policy"  # D_S: D_P itself; drawn by δ̄ from its N; from pool × N
+    centred: bool = False  # the logits of D are taken less their mean over both sets, and π is paid f less its mean over D_E
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
     learner: Literal["ppo", "cloning"] = "ppo"
     settings: Literal["paper", "tuned"] = "paper"  # which defaults of `config` it runs with
+
+    @property
+    def learns_feasibility(self) -> bool:
+        return self.feasibility != "none"
+
+    @property
+    def tests_steps(self) -> bool:
+        """Whether δ̄ has a factor for each step, δ₁."""
+        return "step" in self.feasibility
+
+    @property
+    def tests_trajectories(self) -> bool:
+        """Whether δ̄ has a factor of the whole trajectory, δ_seq."""
+        return "sequence" in self.feasibility
+
+    @property
+    def is_ratio_test(self) -> bool:
+        return self.test == "ratio"
+
+    @property
+    def draws(self) -> bool:
+        """Whether D_S is drawn by δ̄, so that q is another distribution than π."""
+        return self.sampled_from != "policy"
+
+    @property
+    def has_pool(self) -> bool:
+        """Whether D_S is drawn from more trajectories than it has."""
+        return self.sampled_from == "pool"
+
+    @property
+    def discriminates(self) -> bool:
+        return self.discriminator_of != "none"
+
+    @property
+    def clones(self) -> bool:
+        return self.learner == "cloning"
+
+    @property
+    def is_linear(self) -> bool:
+        return self.network == "linear"
 
     @property
     def needs_true_reward(self) -> bool:
@@ -28,16 +69,16 @@ class Method:
     @property
     def assumes_no_reward(self) -> bool:
         """Whether it takes r = 0 where nobody knows the true reward (GACL; Section 7.3)."""
-        return self.needs_true_reward and self.judge == "feasibility"
+        return self.needs_true_reward and self.discriminator_of == "feasibility"
 
     @property
     def learns_reward(self) -> bool:
-        return self.reward == "learned" and self.learner == "ppo"
+        return self.reward == "learned" and not self.clones
 
 
 _AIRCL = Method(
     reward="learned",
-    judge="trajectory",
+    discriminator_of="trajectory",
     feasibility="sequence",
     terms=("discriminator", "feasibility_gradient", "contrast", "minimal"),
     sampled_from="resampled",
@@ -45,14 +86,15 @@ _AIRCL = Method(
 _NO_PRIOR = ("discriminator", "feasibility_gradient", "minimal")
 _ICRL = Method(
     reward="true",
-    judge="none",
+    discriminator_of="none",
     feasibility="step",
     terms=("icrl",),
     constrained_policy=True,
 )
 _CORRECTED = Method(
     reward="learned",
-    judge="centred",
+    discriminator_of="step",
+    centred=True,
     feasibility="step_sequence",
     terms=("discriminator", "step_ratio", "sequence_ratio", "minimal"),
     test="ratio",
@@ -60,12 +102,12 @@ _CORRECTED = Method(
     constrained_policy=True,
     settings="tuned",
 )
-_AIRL = Method(reward="learned", judge="state_action", feasibility="none", terms=("discriminator",))
+_AIRL = Method(reward="learned", discriminator_of="step", feasibility="none", terms=("discriminator",))
 
 METHODS: dict[str, Method] = {
     "airl": _AIRL,
-    "airl_centred": replace(_AIRL, judge="centred", sampled_from="pool", settings="tuned"),
-    "gacl": replace(_ICRL, judge="feasibility", terms=("gacl",)),
+    "airl_centred": replace(_AIRL, centred=True, sampled_from="pool", settings="tuned"),
+    "gacl": replace(_ICRL, discriminator_of="feasibility", terms=("gacl",)),
     "icrl": _ICRL,
     "icrl_prior": replace(_ICRL, terms=("icrl", "contrast")),
     "aircl": _AIRCL,
@@ -76,7 +118,7 @@ METHODS: dict[str, Method] = {
     "aircl_corrected_prior": replace(_CORRECTED, terms=(*_CORRECTED.terms, "contrast")),
     "aircl_corrected_linear": replace(_CORRECTED, network="linear"),
     "aircl_corrected_sa": replace(_CORRECTED, feasibility="step", terms=("discriminator", "step_ratio")),
-    "bc": replace(_AIRL, judge="none", terms=(), learner="cloning"),
+    "bc": replace(_AIRL, discriminator_of="none", terms=(), learner="cloning"),
 }
 
 
@@ -87,7 +129,7 @@ def get_method(name: str, contrast_prior: Literal["method", "on", "off"] = "meth
     method = METHODS[name]
     if contrast_prior == "method":
         return method
-    if method.feasibility == "none":
+    if not method.learns_feasibility:
         raise ValueError(f"contrast_prior={contrast_prior!r}: {name} has no feasibility; choose 'method'")
     terms = tuple(term for term in method.terms if term != "contrast")
     return replace(method, terms=(*terms, "contrast") if contrast_prior == "on" else terms)

@@ -59,6 +59,15 @@ class TrainState(NamedTuple):
     step: Int[Array, ""]
 
 
+class FeasibilityScores(NamedTuple):
+    """What the two factors of δ̄ say of one trajectory, before any reduction over t."""
+
+    step_logit: Float[Array, "*N T"]  # logit of the per-step feasibility; 0 where the method has none
+    sequence_logit: Float[Array, "*N"]  # logit of the trajectory-level feasibility; 0 where the method has none
+    mask: Float[Array, "*N T"]
+    thresholds: Thresholds
+
+
 class Scores(NamedTuple):
     """What the discriminator and the feasibility say of one trajectory: per step, before any reduction over t."""
 

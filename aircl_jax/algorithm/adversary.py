@@ -14,52 +14,49 @@ from jaxtyping import Array, PRNGKeyArray
 from aircl_jax.algorithm.sampler import take
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.algorithm.terms.table import TERMS
-from aircl_jax.model.networks import Networks
+from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.train_config import TrainConfig
-from aircl_jax.types import Metrics, ObsStats, Params, Trajectory
+from aircl_jax.types import Metrics, Params
 
 
 def make_optimiser(config: TrainConfig) -> optax.GradientTransformation:
     return optax.adam(config.adversary.learning_rate)
 
 
-def score_all(nets: Networks, params: Params, stats: ObsStats, batches: Batches) -> Batches:
-    """Scores of the four sets, each [N, …]; their `log_prob` is log π of the present policy."""
-    return Batches(*(jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, one, one.log_prob) for one in batches))
+def score_all(nets: BoundNetworks, batches: Batches) -> Batches:
+    """Scores of the four sets, each [N, …], from pairs: trajectories, and log π of their actions under the present policy."""
+    return Batches(*(jax.vmap(nets.scores)(*pair) for pair in batches))
 
 
 def minibatch(batches: Batches, size: int, key: PRNGKeyArray) -> Batches:
-    """`size` trajectories of each set, drawn without replacement; the set itself where it holds no more."""
+    """`size` of each set, drawn without replacement; the set itself where it holds no more."""
 
-    def some(one: Trajectory, key: PRNGKeyArray) -> Trajectory:
-        number = one.mask.shape[0]
+    def some(one: Any, key: PRNGKeyArray) -> Any:
+        number = jax.tree.leaves(one)[0].shape[0]
         return one if number <= size else take(one, jax.random.permutation(key, number)[:size])
 
     return Batches(*map(some, batches, jax.random.split(key, len(batches))))
 
 
-def update(
-    nets: Networks, params: Params, opt_state: Any, stats: ObsStats, batches: Batches, key: PRNGKeyArray
-) -> tuple[Params, Any, Metrics]:
+def update(nets: BoundNetworks, opt_state: Any, batches: Batches, key: PRNGKeyArray) -> tuple[Params, Any, Metrics]:
     """Lines 5 and 6: `num_steps` Adam steps on the sum of the method's terms, θ and φ together; ω stands still."""
-    method, config = nets.method, nets.config
+    method, config, params = nets.method, nets.config, nets.params
     if not method.terms:
         return params, opt_state, {}
     optimiser = make_optimiser(config)
     size = max(1, config.adversary.minibatch_size // nets.env.horizon)
 
-    along = jax.vmap(nets.log_pi, (None, None, 0))
-    batches = Batches(*(one._replace(log_prob=along(params, stats, one)) for one in batches))
+    pairs = Batches(*((one, jax.vmap(nets.log_pi)(one)) for one in batches))
 
     def loss(trainable: tuple, batches: Batches) -> tuple[Array, Metrics]:
         reward, feasibility = trainable
-        scores = score_all(nets, params._replace(reward=reward, feasibility=feasibility), stats, batches)
+        scores = score_all(nets.with_params(reward=reward, feasibility=feasibility), batches)
         values = {name: TERMS[name](method, config, config.coefficients, scores) for name in method.terms}
         return sum(values.values(), jnp.zeros(())), {f"loss_{name}": value for name, value in values.items()}
 
     def one_step(carry: tuple, key_step: PRNGKeyArray) -> tuple[tuple, Metrics]:
         trainable, opt_state = carry
-        grads, metrics = jax.grad(loss, has_aux=True)(trainable, minibatch(batches, size, key_step))
+        grads, metrics = jax.grad(loss, has_aux=True)(trainable, minibatch(pairs, size, key_step))
         updates, opt_state = optimiser.update(grads, opt_state)
         return (optax.apply_updates(trainable, updates), opt_state), metrics
 

@@ -9,16 +9,14 @@ from jaxtyping import Array, PRNGKeyArray
 from aircl_jax.algorithm.learners.ppo import epoch_order, make_optimiser
 from aircl_jax.algorithm.masks import masked_mean
 from aircl_jax.algorithm.sampler import take
-from aircl_jax.model.networks import Networks, project_log_std
+from aircl_jax.model.networks import BoundNetworks, project_log_std
 from aircl_jax.settings.train_config import PPOConfig
-from aircl_jax.types import Metrics, ObsStats, Params, Trajectory
+from aircl_jax.types import Metrics, Params, Trajectory
 
 
 def update(
-    nets: Networks,
-    params: Params,
+    nets: BoundNetworks,
     opt_state: Any,
-    stats: ObsStats,
     expert: Trajectory,
     key: PRNGKeyArray,
     config: PPOConfig,
@@ -29,7 +27,7 @@ def update(
 
     def loss(trainable: tuple, minibatch: Trajectory) -> Array:
         policy, value = trainable
-        log_prob = jax.vmap(nets.log_pi, (None, None, 0))(params._replace(policy=policy, value=value), stats, minibatch)
+        log_prob = jax.vmap(nets.with_params(policy=policy, value=value).log_pi)(minibatch)
         return -masked_mean(log_prob, minibatch.mask)
 
     def minibatch_step(carry: tuple, index: Array) -> tuple[tuple, Array]:
@@ -42,6 +40,7 @@ def update(
     def epoch(carry: tuple, key_epoch: PRNGKeyArray) -> tuple[tuple, Array]:
         return jax.lax.scan(minibatch_step, carry, epoch_order(key_epoch, number, horizon, config.minibatch_size))
 
+    params = nets.params
     start = ((params.policy, params.value), opt_state)
     ((policy, value), opt_state), losses = jax.lax.scan(epoch, start, jax.random.split(key, config.num_epochs))
     return params._replace(policy=policy, value=value), opt_state, {"policy_loss": losses[-1].mean()}

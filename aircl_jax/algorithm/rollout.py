@@ -6,13 +6,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PRNGKeyArray
 
-from aircl_jax.model.networks import Networks
-from aircl_jax.types import ObsStats, Params, Trajectory
+from aircl_jax.model.networks import BoundNetworks
+from aircl_jax.types import Trajectory
 from envs import Env
 
 
-def rollout(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNGKeyArray) -> Trajectory:
-    """τ ~ π_ω: reset, then T steps. `mask` ends with the step that terminates; `bootstrap` is V(s_T) at a mere time limit."""
+def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) -> Trajectory:
+    """τ ~ π_ω: reset, then T steps. `mask` ends with the step that terminates; `bootstrap` is V(s_T) at a mere time limit.
+
+    `world` is where the policy acts, if not in the environment that its networks were made for.
+    """
+    env = nets.env if world is None else world
     assumes_no_reward = nets.method.assumes_no_reward and not env.has_reward
     key_reset, key_steps = jax.random.split(key)
     env_state, first_obs = env.reset(key_reset)
@@ -21,9 +25,9 @@ def rollout(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNG
         env_state, obs, alive = carry
         t, key_step = inputs
         key_action, key_env = jax.random.split(key_step)
-        drawn: Any = nets.policy(params.policy, stats, obs, t).sample_and_log_prob(seed=key_action)
+        drawn: Any = nets.policy(obs, t).sample_and_log_prob(seed=key_action)
         action, log_prob = drawn
-        value = nets.value(params.value, stats, obs, t)
+        value = nets.value(obs, t)
         env_state, step = env.step(key_env, env_state, action)
         reward = jnp.zeros(()) if assumes_no_reward else step.reward
         carry = (env_state, step.obs, alive * (1.0 - step.terminated))
@@ -31,14 +35,10 @@ def rollout(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNG
 
     steps = (jnp.arange(env.horizon), jax.random.split(key_steps, env.horizon))
     (_, last_obs, alive), trajectory = jax.lax.scan(one_step, (env_state, first_obs, jnp.ones(())), steps)
-    if env.finite_horizon:
-        bootstrap = jnp.zeros(())
-    else:
-        bootstrap = alive * nets.value(params.value, stats, last_obs, jnp.asarray(env.horizon))
+    bootstrap = jnp.zeros(()) if env.finite_horizon else alive * nets.value(last_obs, jnp.asarray(env.horizon))
     return trajectory._replace(bootstrap=bootstrap)
 
 
-def rollouts(env: Env, nets: Networks, params: Params, stats: ObsStats, key: PRNGKeyArray, number: int) -> Trajectory:
+def rollouts(nets: BoundNetworks, key: PRNGKeyArray, number: int, world: Env | None = None) -> Trajectory:
     """`number` independent episodes, [N, T, …]."""
-    keys = jax.random.split(key, number)
-    return jax.vmap(rollout, in_axes=(None, None, None, None, 0))(env, nets, params, stats, keys)
+    return jax.vmap(lambda key: rollout(nets, key, world))(jax.random.split(key, number))

@@ -1,11 +1,10 @@
 """The sampler q(τ) ∝ π(τ) · δ̄(τ): D_S drawn from policy trajectories by their feasibility (Eq. 9; Algorithm 1, line 3)."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
-
-from aircl_jax.model.networks import Networks
-from aircl_jax.types import Trajectory
 
 MIN_EFFECTIVE_SHARE = 0.1  # below it the weights say nothing but who is luckiest: fall back to uniform
 
@@ -35,9 +34,9 @@ def reject(log_delta: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int
 SAMPLERS = {"resample": resample, "reject": reject}
 
 
-def take(pool: Trajectory, index: Int[Array, " N"]) -> Trajectory:
-    """The trajectories of those indices, [N, T, …]."""
-    return jax.tree.map(lambda leaf: leaf[index], pool)
+def take(tree: Any, index: Int[Array, " N"]) -> Any:
+    """Every leaf's rows of those indices, such as trajectories, [N, T, …]."""
+    return jax.tree.map(lambda leaf: leaf[index], tree)
 
 
 def _systematic(probability: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int[Array, " N"]:
@@ -45,11 +44,3 @@ def _systematic(probability: Float[Array, " P"], number: int, key: PRNGKeyArray)
     positions = (jnp.arange(number) + jax.random.uniform(key)) / number
     cumulative = jnp.cumsum(probability)
     return jnp.searchsorted(cumulative / cumulative[-1], positions, method="compare_all").clip(0, len(probability) - 1)
-
-
-def draw(nets: Networks, policy: Trajectory, log_delta: Float[Array, " P"], key: PRNGKeyArray) -> Trajectory:
-    """D_S: N trajectories of D_P in proportion to δ̄ (Eq. 9); D_P itself for the rows without a sampler."""
-    if nets.method.sampled_from == "policy":
-        return policy
-    sampler = SAMPLERS[nets.config.adversary.sampler]
-    return take(policy, sampler(log_delta, nets.config.num_trajectories, key))

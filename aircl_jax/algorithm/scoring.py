@@ -1,24 +1,56 @@
-"""δ̄ of whole sets of trajectories, and its thresholds from the demonstrations."""
+"""δ̄ of whole sets of trajectories, its thresholds from the demonstrations, and D_S drawn by it."""
+
+from typing import Any, NamedTuple
 
 import jax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.algorithm.sampler import SAMPLERS, take
 from aircl_jax.model.feasibility import calibrate, log_feasibility
-from aircl_jax.model.networks import Networks
-from aircl_jax.types import ObsStats, Params, Trajectory
+from aircl_jax.model.networks import BoundNetworks
+from aircl_jax.types import Params, Trajectory
 
 
-def trajectory_feasibility(nets: Networks, params: Params, stats: ObsStats, policy: Trajectory) -> Float[Array, " N"]:
+class Drawn(NamedTuple):
+    """Trajectories of π with their log δ̄, and which of them are the draws of q (Eq. 9)."""
+
+    policy: Trajectory  # [P, T, …]
+    log_delta: Float[Array, " P"]
+    chosen: Int[Array, " N"] | None  # None where q is π: every trajectory, in order
+
+    @property
+    def sampled(self) -> Trajectory:
+        """D_S, [N, T, …]."""
+        return self.draws_of(self.policy)
+
+    def draws_of(self, tree: Any) -> Any:
+        """Of what the policy's trajectories have, [P, …], the draws' part, [N, …]."""
+        return tree if self.chosen is None else take(tree, self.chosen)
+
+
+def roll_out_and_draw(
+    nets: BoundNetworks, key_rollout: PRNGKeyArray, key_sampler: PRNGKeyArray, pool: int, number: int
+) -> Drawn:
+    """Roll out `pool` episodes of π, score them, and draw `number` of them in proportion to δ̄ (Algorithm 1, lines 3 and 4)."""
+    policy = rollouts(nets, key_rollout, pool)
+    log_delta = trajectory_feasibility(nets, policy)
+    if not nets.method.draws:
+        return Drawn(policy, log_delta, None)
+    return Drawn(policy, log_delta, SAMPLERS[nets.config.adversary.sampler](log_delta, number, key_sampler))
+
+
+def trajectory_feasibility(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, " N"]:
     """log δ̄(τ) of each trajectory."""
-    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, policy, policy.log_prob)
+    scores = jax.vmap(nets.feasibility_scores)(trajectories)
     return log_feasibility(nets.method, nets.config.coefficients, scores)
 
 
-def calibrated(nets: Networks, params: Params, stats: ObsStats, expert: Trajectory) -> tuple[Params, Float[Array, " N"]]:
+def calibrated(nets: BoundNetworks, expert: Trajectory) -> tuple[Params, Float[Array, " N"]]:
     """The parameters with the thresholds of δ̄ that D_E asks for, and log δ̄ of D_E under these."""
-    method, coefficients = nets.method, nets.config.coefficients
-    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, expert, expert.log_prob)
-    if method.test != "sigmoid":
+    method, coefficients, params = nets.method, nets.config.coefficients, nets.params
+    scores = jax.vmap(nets.feasibility_scores)(expert)
+    if method.is_ratio_test:
         params = params._replace(thresholds=calibrate(coefficients, scores))
         scores = scores._replace(thresholds=params.thresholds)
     return params, log_feasibility(method, coefficients, scores)

@@ -13,8 +13,7 @@ from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.measures import step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.rollout import rollouts
-from aircl_jax.algorithm.sampler import draw
-from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
+from aircl_jax.algorithm.scoring import calibrated, roll_out_and_draw
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.methods import Method
 from aircl_jax.model.networks import Networks, make_networks
@@ -30,6 +29,7 @@ class Trainer(NamedTuple):
 
     init: Callable[[PRNGKeyArray, Trajectory], TrainState]
     step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
+    networks: Networks
 
 
 def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
@@ -37,10 +37,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     nets = make_networks(env, method, config)
-    pooled = method.sampled_from == "pool"
-    num_policy = config.num_trajectories * (config.pool if pooled else 1)
+    num_policy = config.num_trajectories * (config.pool if method.has_pool else 1)
     # In the rows that draw D_S from a pool the terms see N trajectories of D_P ∪ replay, half of each.
-    num_judged = max(1, config.num_trajectories // 2) if pooled else config.num_trajectories
+    num_negatives = max(1, config.num_trajectories // 2) if method.has_pool else config.num_trajectories
 
     def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
         key, key_nets, key_replay = jax.random.split(key, 3)
@@ -55,53 +54,50 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
                 minibatch_size=config.warm_minibatch_size,
                 learning_rate=WARM_RATE,
             )
-            params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, key_clone, passes)
+            params, _, _ = cloning.update(nets.bind(untrained, stats), ppo_opt, expert, key_clone, passes)
         return TrainState(
             params=params,
             ppo_opt=ppo_opt,
             adversary_opt=adversary.make_optimiser(config).init((params.reward, params.feasibility)),
             obs_stats=stats,
-            replay=rollouts(env, nets, untrained, stats, key_replay, num_judged),
+            replay=rollouts(nets.bind(untrained, stats), key_replay, num_negatives),
             key=key,
             step=jnp.zeros((), jnp.int32),
         )
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_sampler, key_adversary, key_policy, key_replay = jax.random.split(state.key, 6)
-        params, stats = state.params, state.obs_stats
-        now = scheduled(nets, state.step)  # the same networks, with this iteration's learning rates
+        now, stats = scheduled(nets, state.step), state.obs_stats  # the networks with this iteration's learning rates
+        ours = now.bind(state.params, stats)
 
-        policy = rollouts(env, nets, params, stats, key_rollout, num_policy)  # line 4, first: D_P
-        log_delta = trajectory_feasibility(nets, params, stats, policy)
-        sampled = draw(nets, policy, log_delta, key_sampler)  # line 3: D_S is drawn from D_P, Eq. 9
-
-        judged = jax.tree.map(lambda leaf: leaf[:num_judged], policy)
-        batches = Batches(expert, sampled, policy=judged, replay=state.replay)
+        drawn = roll_out_and_draw(ours, key_rollout, key_sampler, num_policy, config.num_trajectories)  # lines 4 and 3
+        policy, sampled = drawn.policy, drawn.sampled  # D_P, and D_S drawn from it by Eq. 9
+        negatives = jax.tree.map(lambda leaf: leaf[:num_negatives], policy)
+        batches = Batches(expert, sampled, policy=negatives, replay=state.replay)
         params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6: `num_steps` minibatches
-            now, params, state.adversary_opt, stats, batches, key_adversary
+            ours, state.adversary_opt, batches, key_adversary
         )
-        params, expert_log_delta = calibrated(nets, params, stats, expert)
-        if method.learner == "cloning":
-            params, ppo_opt, policy_metrics = cloning.update(
-                now, params, state.ppo_opt, stats, expert, key_policy, now.config.ppo
-            )
+        params, expert_log_delta = calibrated(now.bind(params, stats), expert)
+        ours = now.bind(params, stats)
+        if method.clones:
+            params, ppo_opt, policy_metrics = cloning.update(ours, state.ppo_opt, expert, key_policy, now.config.ppo)
         else:
-            reward, credit = policy_reward(nets, params, stats, expert, policy)
+            reward, bonus = policy_reward(ours, expert, policy)
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
-                now, params, state.ppo_opt, stats, policy, reward, credit, key_policy, now.config.ppo
+                ours, state.ppo_opt, policy, reward, bonus, key_policy, now.config.ppo
             )
-        metrics = step_metrics(env, sampled, policy, log_delta, expert_log_delta)
+        metrics = step_metrics(env, sampled, policy, drawn.log_delta, expert_log_delta)
         state = state._replace(
             params=params,
             ppo_opt=ppo_opt,
             adversary_opt=adversary_opt,
-            replay=refresh(state.replay, judged, key_replay, config.adversary.replay_rate),
+            replay=refresh(state.replay, negatives, key_replay, config.adversary.replay_rate),
             key=key,
             step=state.step + 1,
         )
         return state, {**metrics, **adversary_metrics, **policy_metrics}
 
-    return Trainer(init, step)
+    return Trainer(init, step, nets)
 
 
 def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:

@@ -28,7 +28,7 @@ class Contributions(NamedTuple):
 
 def is_additive(result: Result) -> bool:
     """Whether δ₁ is a sum over coordinates, so that each has a curve of its own."""
-    return isinstance(result.networks.step_net, AdditiveNet) and "step" in result.plan.method.feasibility
+    return isinstance(result.networks.step_net, AdditiveNet) and result.plan.method.tests_steps
 
 
 def contributions(result: Result, policy: Trajectory) -> Contributions:
@@ -56,10 +56,10 @@ def contributions(result: Result, policy: Trajectory) -> Contributions:
 
 def curves_of(nets: Networks, state: TrainState, points: Float[Array, "K I"]) -> Float[Array, "K I"]:
     """The logit with coordinate i at each of its points and the others at D_E's mean, less that of the mean itself."""
-    stats, number = state.obs_stats, nets.env.obs_size
+    bound, number = nets.bind(state.params, state.obs_stats), nets.env.obs_size
     features = points
     if nets.feasibility_sees_state:
-        normalised = jax.vmap(lambda obs: nets.normalise(stats, obs))(points[:, :number])
+        normalised = jax.vmap(bound.normalise)(points[:, :number])
         features = jnp.concatenate([normalised, points[:, number:]], axis=1)
 
     def logit(feature: Float[Array, " I"]) -> Float[Array, ""]:

@@ -8,14 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from aircl_jax.algorithm.rollout import rollouts
-from aircl_jax.algorithm.sampler import SAMPLERS, take
-from aircl_jax.algorithm.scoring import trajectory_feasibility
+from aircl_jax.algorithm.scoring import roll_out_and_draw, trajectory_feasibility
 from aircl_jax.demonstrations.soft_optimal import occupancy, soft_value_iteration
 from aircl_jax.model.feasibility import log_step_feasibility
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
-from aircl_jax.types import Scores, TrainState, Trajectory
+from aircl_jax.types import FeasibilityScores, TrainState, Trajectory
 from envs import Env, Tabular
 
 MAX_EPISODES = 200  # fresh ones of each seed's policy: enough for a picture
@@ -64,34 +62,28 @@ def infeasible(trajectories: Trajectory) -> Bool[np.ndarray, "*S N"]:
     return np.asarray((np.asarray(trajectories.cost) * np.asarray(trajectories.mask)).max(axis=-1) > 0)
 
 
-def _evidence(nets: Networks, number: int, state: TrainState, reference: Trajectory) -> tuple:
-    params, stats = state.params, state.obs_stats
+def _evidence(networks: Networks, number: int, state: TrainState, reference: Trajectory) -> tuple:
+    nets = networks.bind(state.params, state.obs_stats)
     key_policy, key_sampler = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, KEY_FIGURES), state.step))
-    policy = rollouts(nets.env, nets, params, stats, key_policy, number)
-    log_delta = trajectory_feasibility(nets, params, stats, policy)
-    if nets.method.sampled_from == "policy":
-        sampled = policy
-    else:
-        sampled = take(policy, SAMPLERS[nets.config.adversary.sampler](log_delta, number, key_sampler))
-    reference_log_delta = trajectory_feasibility(nets, params, stats, reference)
-    return policy, sampled, jnp.exp(log_delta), jnp.exp(reference_log_delta)
+    drawn = roll_out_and_draw(nets, key_policy, key_sampler, number, number)
+    return drawn.policy, drawn.sampled, jnp.exp(drawn.log_delta), jnp.exp(trajectory_feasibility(nets, reference))
 
 
 def _grid_maps(
-    nets: Networks, table: Tabular, state: TrainState
+    networks: Networks, table: Tabular, state: TrainState
 ) -> tuple[Float[Array, "C A"], Float[Array, "C A"], Float[Array, " C"]]:
-    env, params, stats = nets.env, state.params, state.obs_stats
+    nets, env = networks.bind(state.params, state.obs_stats), networks.env
     actions = jnp.arange(table.reward.shape[1])
     cells = jnp.eye(env.obs_size)
 
     def maps(obs: Float[Array, " O"], action: Array) -> tuple[Array, Array]:
-        logit = nets.step_logit(params.feasibility, stats, obs, action)
-        scores = Scores(jnp.zeros(1), jnp.zeros(1), logit[None], jnp.zeros(()), jnp.ones(1), params.thresholds)
+        logit = nets.step_logit(obs, action)
+        scores = FeasibilityScores(logit[None], jnp.zeros(()), jnp.ones(1), nets.params.thresholds)
         log_step = log_step_feasibility(nets.method, nets.config.coefficients, scores)
-        return nets.reward(params.reward, stats, obs, action), jnp.exp(log_step[0])
+        return nets.reward(obs, action), jnp.exp(log_step[0])
 
     def log_policy(t: Array, obs: Float[Array, " O"]) -> Array:
-        return jax.vmap(lambda action: jnp.asarray(nets.policy(params.policy, stats, obs, t).log_prob(action)))(actions)
+        return jax.vmap(lambda action: jnp.asarray(nets.policy(obs, t).log_prob(action)))(actions)
 
     reward, step_delta = jax.vmap(jax.vmap(maps, (None, 0)), (0, None))(cells, actions)
     along = jax.vmap(jax.vmap(log_policy, (None, 0)), (0, None))(jnp.arange(env.horizon), table.obs)

@@ -41,18 +41,19 @@ def recover(result: Result, table: Tabular) -> Recovered:
     unknown = np.full_like(found.reward, np.nan)
     return Recovered(
         reward=found.reward - centre[:, None, None] if method.learns_reward else unknown,
-        delta=found.step_delta if "step" in method.feasibility else unknown,
+        delta=found.step_delta if method.tests_steps else unknown,
         log_policy=np.asarray(log_policy),
         seen=seen,
     )
 
 
-def _log_policy(nets: Networks, state: TrainState) -> Float[Array, "C A"]:
+def _log_policy(networks: Networks, state: TrainState) -> Float[Array, "C A"]:
     """log π(a|s) at t = 0; in these worlds π does not see t."""
+    nets = networks.bind(state.params, state.obs_stats)
     actions = jnp.arange(nets.env.action_space.feature_size)
 
     def of(obs: Float[Array, " O"]) -> Float[Array, " A"]:
-        policy = nets.policy(state.params.policy, state.obs_stats, obs, jnp.asarray(0))
+        policy = nets.policy(obs, jnp.asarray(0))
         return jax.vmap(lambda action: jnp.asarray(policy.log_prob(action)))(actions)
 
     return jax.vmap(of)(jnp.eye(nets.env.obs_size))

@@ -91,7 +91,7 @@ def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
 
 def _roll_out(nets: Networks, number: int, state: TrainState) -> Trajectory:
     key = jax.random.fold_in(jax.random.fold_in(state.key, KEY_FIGURES), state.step)
-    return rollouts(nets.env, nets, state.params, state.obs_stats, key, number)
+    return rollouts(nets.bind(state.params, state.obs_stats), key, number)
 
 
 def _side(
@@ -112,8 +112,8 @@ def _side(
         across=qpos[..., 0],
         violating=violating,
         level=quantity.value(qpos, action) if quantity else None,
-        delta=np.asarray(judged[0]) if "step" in method.feasibility else None,
-        feasibility=np.asarray(judged[1]) if method.feasibility != "none" else None,
+        delta=np.asarray(judged[0]) if method.tests_steps else None,
+        feasibility=np.asarray(judged[1]) if method.learns_feasibility else None,
         returns=(reward * mask).sum(axis=1),
         violation_rate=(cost * mask).sum(axis=1) / length,
         length=length,

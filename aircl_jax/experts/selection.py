@@ -11,7 +11,7 @@ import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from aircl_jax.algorithm.learners.lagrangian import Lagrangian, LagrangianState, acting_params, observation_stats
+from aircl_jax.algorithm.learners.lagrangian import Lagrangian, LagrangianState, bound
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.seeds import over_seeds
@@ -129,12 +129,12 @@ class Sampler:
 
     def __init__(self, env: Env, nets: Networks) -> None:
         self.nets = nets
-        self._rollouts = jax.jit(lambda params, stats, key: rollouts(env, nets, params, stats, key, DRAWN))
+        self._rollouts = jax.jit(lambda state, key: rollouts(bound(nets, state), key, DRAWN, env))
 
     def __call__(self, state: LagrangianState, key: PRNGKeyArray, number: int) -> Trajectory:
         """`number` episodes, [N, T, …]."""
         keys = jax.random.split(key, -(-number // DRAWN))
-        batches = [self._rollouts(acting_params(state), observation_stats(state), one) for one in keys]
+        batches = [self._rollouts(state, one) for one in keys]
         return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[:number], *batches)
 
 

@@ -29,7 +29,7 @@ class Panel(NamedTuple):
     scale: float = 1.0
     limits: tuple[float | None, float | None] = (None, None)
     chance: float | None = None  # what guessing would reach
-    of: str = "all"  # what a method must have for the panel to say anything: all, feasibility, judge
+    of: str = "all"  # what a method must have for the panel to say anything: all, feasibility, discriminator
 
 
 PERCENT, SHARE = 100.0, (-0.03, 1.05)
@@ -97,7 +97,7 @@ PANELS = (
         (Curve("rc_acc", "RCAcc", GREEN), Curve("balanced_acc", "balanced", PURPLE)),
         limits=SHARE,
         chance=0.5,
-        of="judge",
+        of="discriminator",
     ),
 )
 SAMPLER_METRICS = {"violation_rate", "infeasible_share", "return_sampled", "effective_sample_size"}
@@ -220,9 +220,9 @@ def _curve(axis: Axes, values: Float[np.ndarray, "I S"], curve: Curve) -> tuple[
 def _relevant(panel: Panel, result: Result) -> Panel:
     """The panel with the curves that are measured and that are not another's double."""
     method = result.plan.method
-    absent = {"all": False, "feasibility": method.feasibility == "none", "judge": method.judge == "none"}[panel.of]
+    absent = {"all": False, "feasibility": not method.learns_feasibility, "discriminator": not method.discriminates}[panel.of]
     untrue = panel.title == "true return" and not result.plan.env.has_reward
-    doubles = SAMPLER_METRICS if method.sampled_from == "policy" else set()
+    doubles = set() if method.draws else SAMPLER_METRICS
     kept = [c for c in panel.curves if c.metric not in doubles and _defined(result.history.get(c.metric))]
     return panel._replace(curves=() if absent or untrue else tuple(kept))
 
@@ -234,7 +234,7 @@ def _defined(values: Float[np.ndarray, "I S"] | None) -> bool:
 def _ends(result: Result) -> str:
     """Where the run ended, in words."""
     metrics, said = result.summary["metrics"], []
-    doubles = SAMPLER_METRICS if result.plan.method.sampled_from == "policy" else set()
+    doubles = set() if result.plan.method.draws else SAMPLER_METRICS
     for end in ENDS:
         if metrics.get(end.metric, {}).get("mean") is None or end.metric in doubles:
             continue

@@ -26,7 +26,7 @@ def draw(result: Result) -> Iterator[Drawing]:
     if env.layout is not None and env.tabular is not None:
         yield from cells.draw(result, env.layout, env.tabular, found)
         yield from paths.draw(result, env.layout, found)
-    elif env.tabular is not None and (env.codes or env.maze) and result.plan.method.learner != "cloning":
+    elif env.tabular is not None and (env.codes or env.maze) and not result.plan.method.clones:
         recovered = recover(result, env.tabular)
         if env.codes:
             yield from codes.draw(recovered, env.codes, over_seeds(result))
@@ -36,7 +36,7 @@ def draw(result: Result) -> Iterator[Drawing]:
         yield from step_histograms.draw(result, found)
         if is_additive(result):
             yield coordinate_curves.by_coordinate(result, contributions(result, found.policy))
-    if result.plan.method.feasibility != "none" and _has_both_labels(result):
+    if result.plan.method.learns_feasibility and _has_both_labels(result):
         yield reference_histogram(result, found)
     yield curves.losses(result)
 

@@ -1,7 +1,7 @@
 """The four networks as functions of one step or one trajectory: π_ω, V, f_θ and δ̄_φ."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import distrax
@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 from aircl_jax.methods import Method
 from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
-from aircl_jax.types import ObsStats, Params, Scores, Thresholds, Trajectory
+from aircl_jax.types import FeasibilityScores, ObsStats, Params, Scores, Thresholds, Trajectory
 from envs import Discrete, Env
 
 OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
@@ -22,7 +22,7 @@ STD_FLOOR = 1e-3  # of a coordinate that the demonstrations never move
 
 @dataclass(frozen=True, eq=False)
 class Networks:
-    """The networks of one run. Every function takes one step (or one trajectory) and the parameters it needs."""
+    """The networks of one run, without parameters; `bind` gives them some."""
 
     env: Env
     method: Method
@@ -36,14 +36,14 @@ class Networks:
     def init(self, key: PRNGKeyArray) -> Params:
         key_policy, key_value, key_reward, key_step, key_sequence = jax.random.split(key, 5)
         acting = jnp.zeros(self.env.obs_size + self.env.finite_horizon)
-        judged = jnp.zeros(
+        seen = jnp.zeros(
             self.feasibility_sees_state * self.env.obs_size + self.feasibility_sees_action * self.env.action_space.feature_size
         )
         feasibility = {}
-        if "step" in self.method.feasibility:
-            feasibility["step"] = self.step_net.init(key_step, judged)
-        if "sequence" in self.method.feasibility:
-            feasibility["sequence"] = self.sequence_net.init(key_sequence, judged[None], jnp.ones(1))
+        if self.method.tests_steps:
+            feasibility["step"] = self.step_net.init(key_step, seen)
+        if self.method.tests_trajectories:
+            feasibility["sequence"] = self.sequence_net.init(key_sequence, seen[None], jnp.ones(1))
         return Params(
             policy=self.policy_net.init(key_policy, acting),
             value=self.value_net.init(key_value, acting),
@@ -58,12 +58,12 @@ class Networks:
         """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows."""
         if self.config.constraint_input != "env":
             return self.config.constraint_input
-        return "state_action" if self.method.test == "sigmoid" else self.env.constraint_input
+        return self.env.constraint_input if self.method.is_ratio_test else "state_action"
 
     @property
     def entropy_weight(self) -> float:
         """β of the entropy that π is paid for; the paper's rows with a learned f take 1."""
-        return self.config.temperature if self.method.needs_true_reward or self.method.judge == "centred" else 1.0
+        return self.config.temperature if self.method.needs_true_reward or self.method.centred else 1.0
 
     @property
     def feasibility_sees_state(self) -> bool:
@@ -78,55 +78,84 @@ class Networks:
         seen = self.env.reward_view_size or self.env.obs_size
         return (seen if self.config.reward_input == "view" else self.env.obs_size) + self.env.action_space.feature_size
 
-    def normalise(self, stats: ObsStats, obs: Float[Array, " O"]) -> Float[Array, " O"]:
-        """s̃ = (s − mean_E) / std_E, clipped to ±8."""
-        return jnp.clip((obs - stats.mean) / jnp.maximum(stats.std, STD_FLOOR), -OBS_CLIP, OBS_CLIP)
+    def bind(self, params: Params, stats: ObsStats) -> "BoundNetworks":
+        """The networks with their parameters and the statistics by which they see observations."""
+        return BoundNetworks(self, params, stats)
 
-    def acting_input(self, stats: ObsStats, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, " I"]:
+
+@dataclass(frozen=True, eq=False)
+class BoundNetworks:
+    """π_ω, V, f_θ and δ̄_φ with their parameters, as functions of one step or one trajectory: `vmap` for many."""
+
+    networks: Networks
+    params: Params
+    stats: ObsStats
+
+    @property
+    def env(self) -> Env:
+        return self.networks.env
+
+    @property
+    def method(self) -> Method:
+        return self.networks.method
+
+    @property
+    def config(self) -> TrainConfig:
+        return self.networks.config
+
+    def with_params(self, **changed: Any) -> "BoundNetworks":
+        """The same networks with other parameters of those names, such as `policy` and `value`."""
+        return replace(self, params=self.params._replace(**changed))
+
+    def normalise(self, obs: Float[Array, " O"]) -> Float[Array, " O"]:
+        """s̃ = (s − mean_E) / std_E, clipped to ±8."""
+        return jnp.clip((obs - self.stats.mean) / jnp.maximum(self.stats.std, STD_FLOOR), -OBS_CLIP, OBS_CLIP)
+
+    def acting_input(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, " I"]:
         """What policy and value see: s̃, and t/T where the task ends at the horizon."""
-        seen = self.normalise(stats, obs)
+        seen = self.normalise(obs)
         return jnp.append(seen, t / self.env.horizon) if self.env.finite_horizon else seen
 
-    def policy(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], t: Int[Array, ""]) -> distrax.Distribution:
+    def policy(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> distrax.Distribution:
         """π_ω(·|s_t)."""
-        head = cast(Array, self.policy_net.apply(params, self.acting_input(stats, obs, t)))
+        head = cast(Array, self.networks.policy_net.apply(self.params.policy, self.acting_input(obs, t)))
         if isinstance(self.env.action_space, Discrete):
             return distrax.Categorical(logits=head)
-        return distrax.MultivariateNormalDiag(head, jnp.exp(params["params"]["log_std"]))
+        return distrax.MultivariateNormalDiag(head, jnp.exp(self.params.policy["params"]["log_std"]))
 
-    def value(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, ""]:
+    def value(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, ""]:
         """V(s_t)."""
-        return self.value_net.apply(params, self.acting_input(stats, obs, t))[0]
+        return self.networks.value_net.apply(self.params.value, self.acting_input(obs, t))[0]
 
-    def reward(self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
+    def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
         """f_θ(s, a), on the environment's smooth coordinates or on s̃."""
         viewed = self.config.reward_input == "view" and self.env.reward_view_size
-        seen = self.env.reward_view(obs) if viewed else self.normalise(stats, obs)
-        f = self.reward_net.apply(params, jnp.concatenate([seen, self.env.action_space.features(action)]))[0]
+        seen = self.env.reward_view(obs) if viewed else self.normalise(obs)
+        f = self.networks.reward_net.apply(self.params.reward, jnp.concatenate([seen, self.env.action_space.features(action)]))[
+            0
+        ]
         bound = self.config.reward_bound
         return bound * jnp.tanh(f / bound) if bound else f
 
-    def feasibility_input(self, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
+    def feasibility_input(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
         """What both factors of the feasibility see of a step: s̃, the action, or both, as constraints may speak of them."""
-        state, taken = self.normalise(stats, obs), self.env.action_space.features(action)
-        return jnp.concatenate([state] * self.feasibility_sees_state + [taken] * self.feasibility_sees_action)
+        state, taken = self.normalise(obs), self.env.action_space.features(action)
+        return jnp.concatenate([state] * self.networks.feasibility_sees_state + [taken] * self.networks.feasibility_sees_action)
 
-    def step_logit(
-        self, params: Any, stats: ObsStats, obs: Float[Array, " O"], action: Shaped[Array, "*A"]
-    ) -> Float[Array, ""]:
+    def step_logit(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
         """Logit of the per-step feasibility network; 0 where the method has none."""
-        if "step" not in params:
+        if not self.method.tests_steps:
             return jnp.zeros(())
-        return self.step_net.apply(params["step"], self.feasibility_input(stats, obs, action))[0]
+        return self.networks.step_net.apply(self.params.feasibility["step"], self.feasibility_input(obs, action))[0]
 
     def sequence_logit(
-        self, params: Any, stats: ObsStats, obs: Float[Array, "T O"], action: Shaped[Array, "T *A"], mask: Float[Array, " T"]
+        self, obs: Float[Array, "T O"], action: Shaped[Array, "T *A"], mask: Float[Array, " T"]
     ) -> Float[Array, ""]:
         """Logit of the trajectory-level feasibility network, which sees order; 0 where the method has none."""
-        if "sequence" not in params:
+        if not self.method.tests_trajectories:
             return jnp.zeros(())
-        features = jax.vmap(self.feasibility_input, (None, 0, 0))(stats, obs, action)
-        return cast(Array, self.sequence_net.apply(params["sequence"], features, mask))
+        features = jax.vmap(self.feasibility_input)(obs, action)
+        return cast(Array, self.networks.sequence_net.apply(self.params.feasibility["sequence"], features, mask))
 
     def along(
         self, of: Callable[[Array, Array], Array], obs: Float[Array, "T O"], action: Shaped[Array, "T *A"]
@@ -138,50 +167,49 @@ class Networks:
         table = pairs(jnp.eye(self.env.obs_size), jnp.arange(self.env.action_space.feature_size))
         return ((obs @ table) * jax.vmap(self.env.action_space.features)(action)).sum(axis=-1)
 
-    def log_pi(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+    def log_pi(self, trajectory: Trajectory) -> Float[Array, " T"]:
         """log π_ω(a_t|s_t) along one trajectory."""
 
         def one(obs: Array, action: Array, t: Array) -> Array:
-            return cast(Array, self.policy(params.policy, stats, obs, t).log_prob(action))
+            return cast(Array, self.policy(obs, t).log_prob(action))
 
         if self.env.enumerated:
             return self.along(lambda obs, action: one(obs, action, jnp.asarray(0)), trajectory.obs, trajectory.action)
         return jax.vmap(one)(trajectory.obs, trajectory.action, jnp.arange(trajectory.obs.shape[0]))
 
-    def f(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+    def f(self, trajectory: Trajectory) -> Float[Array, " T"]:
         """f_θ(s_t, a_t) along one trajectory."""
-        return self.along(lambda obs, action: self.reward(params.reward, stats, obs, action), trajectory.obs, trajectory.action)
+        return self.along(self.reward, trajectory.obs, trajectory.action)
 
-    def values(self, params: Params, stats: ObsStats, trajectory: Trajectory) -> Float[Array, " T"]:
+    def values(self, trajectory: Trajectory) -> Float[Array, " T"]:
         """V(s_t) along one trajectory."""
         if self.env.enumerated:
-            table = jax.vmap(lambda obs: self.value(params.value, stats, obs, jnp.asarray(0)))(jnp.eye(self.env.obs_size))
+            table = jax.vmap(lambda obs: self.value(obs, jnp.asarray(0)))(jnp.eye(self.env.obs_size))
             return trajectory.obs @ table
         steps = jnp.arange(trajectory.obs.shape[0])
-        return jax.vmap(self.value, (None, None, 0, 0))(params.value, stats, trajectory.obs, steps)
+        return jax.vmap(self.value)(trajectory.obs, steps)
 
-    def scores(self, params: Params, stats: ObsStats, trajectory: Trajectory, log_pi: Float[Array, " T"]) -> Scores:
-        """All that the adversary's terms need of one trajectory; log π is given, since ω stands still in lines 5 and 6."""
+    def feasibility_scores(self, trajectory: Trajectory) -> FeasibilityScores:
+        """The logits of both factors of δ̄ along one trajectory; whose actions they are does not matter."""
         obs, action, mask = trajectory.obs, trajectory.action, trajectory.mask
-
-        def step_logit(obs: Array, action: Array) -> Array:
-            return self.step_logit(params.feasibility, stats, obs, action)
-
-        return Scores(
-            f=trajectory.reward if self.method.needs_true_reward else self.f(params, stats, trajectory),
-            log_pi=log_pi,
-            step_logit=self.along(step_logit, obs, action),
-            sequence_logit=self.sequence_logit(params.feasibility, stats, obs, action, mask),
+        return FeasibilityScores(
+            step_logit=self.along(self.step_logit, obs, action),
+            sequence_logit=self.sequence_logit(obs, action, mask),
             mask=mask,
-            thresholds=params.thresholds,
+            thresholds=self.params.thresholds,
         )
+
+    def scores(self, trajectory: Trajectory, log_pi: Float[Array, " T"]) -> Scores:
+        """All that the adversary's terms need of one trajectory; log π is given, since ω stands still in lines 5 and 6."""
+        f = trajectory.reward if self.method.needs_true_reward else self.f(trajectory)
+        return Scores(f, log_pi, *self.feasibility_scores(trajectory))
 
 
 def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
     """The networks of a method's row on an environment: the linear rows have no hidden layer in f and δ̄."""
-    linear = method.network == "linear"
-    judged = () if linear else config.hidden
-    step_net = MLP(judged, 1, activation="relu", bias=SEQUENCE_BIAS)
+    linear = method.is_linear
+    hidden = () if linear else config.hidden
+    step_net = MLP(hidden, 1, activation="relu", bias=SEQUENCE_BIAS)
     if config.step_network == "additive" and not linear:
         step_net = AdditiveNet(config.additive_hidden, bias=SEQUENCE_BIAS)
     return Networks(
@@ -190,7 +218,7 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
         config=config,
         policy_net=Policy(env.action_space, config.hidden, config.ppo.log_std_init),
         value_net=MLP(config.hidden, 1),
-        reward_net=MLP(judged, 1, activation="relu"),
+        reward_net=MLP(hidden, 1, activation="relu"),
         step_net=step_net,
         sequence_net=LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Shaped
 
 from aircl_jax.model.feasibility import log_feasibility, log_step_feasibility
-from aircl_jax.model.networks import Networks
+from aircl_jax.model.networks import BoundNetworks, Networks
 from aircl_jax.runs.spec import Plan
 from aircl_jax.types import TrainState, Trajectory
 
@@ -34,26 +34,27 @@ class Result:
         """The final state of the seed at this place of `summary["seeds"]`."""
         return jax.tree.map(lambda leaf: leaf[index], self.states)
 
+    def bound(self, index: int = 0) -> BoundNetworks:
+        """The networks with what the seed at this place has learned."""
+        state = self.state(index)
+        return self.networks.bind(state.params, state.obs_stats)
+
     def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"], index: int = 0) -> Float[Array, ""]:
         """The learned f_θ(s, a). Raises ValueError where the method learns none."""
         if not self.networks.method.learns_reward:
             raise ValueError(f"method={self.plan.method_name} learns no reward; choose one that does")
-        state = self.state(index)
-        return self.networks.reward(state.params.reward, state.obs_stats, obs, action)
+        return self.bound(index).reward(obs, action)
 
     def feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, ""]:
         """The learned δ̄_φ(τ) of one trajectory, between 0 and 1."""
-        state = self.state(index)
-        scores = self.networks.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
+        scores = self.bound(index).feasibility_scores(trajectory)
         return jnp.exp(log_feasibility(self.networks.method, self.networks.config.coefficients, scores))
 
     def step_feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, " T"]:
         """The learned δ₁ of each step of one trajectory; 1 where the method has no such factor."""
-        state = self.state(index)
-        scores = self.networks.scores(state.params, state.obs_stats, trajectory, trajectory.log_prob)
+        scores = self.bound(index).feasibility_scores(trajectory)
         return jnp.exp(log_step_feasibility(self.networks.method, self.networks.config.coefficients, scores))
 
     def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
         """The learned π_ω(·|s_t), a distrax distribution over actions."""
-        state = self.state(index)
-        return self.networks.policy(state.params.policy, state.obs_stats, obs, jnp.asarray(t))
+        return self.bound(index).policy(obs, jnp.asarray(t))

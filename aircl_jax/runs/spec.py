@@ -58,7 +58,7 @@ class Plan:
     @property
     def env_steps(self) -> int:
         """Environment steps of one iteration, of the trajectories that enter an update, over all seeds."""
-        pool = self.config.pool if self.method.sampled_from == "pool" else 1
+        pool = self.config.pool if self.method.has_pool else 1
         return len(self.seeds) * self.config.num_trajectories * pool * self.env.horizon
 
 
@@ -86,7 +86,7 @@ def make_plan(
     if iterations != "default":
         config = replace(config, iterations=at_least("iterations", iterations, 1))
     check_config(config, "train")
-    if row.feasibility != "none" and (config.constraint_input, world.constraint_input) == ("action", "state"):
+    if row.learns_feasibility and (config.constraint_input, world.constraint_input) == ("action", "state"):
         raise ValueError(
             f"train.constraint_input=action: the constraint of env={world.name} reads states alone; choose env, or state_action"
         )

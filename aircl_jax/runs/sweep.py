@@ -69,7 +69,7 @@ def _trainer(plan: Plan, coefficient: str) -> Trainer:
     def step(state: TrainState, given: Any) -> tuple[TrainState, Metrics]:
         return of(given[1]).step(state, given[0])
 
-    return Trainer(init, step)
+    return Trainer(init, step, make_networks(plan.env, plan.method, plan.config))
 
 
 def _evaluate(plan: Plan, coefficient: str, state: TrainState, given: Any, reference: Trajectory) -> Metrics:

@@ -120,30 +120,25 @@ def parts(settings: Settings) -> dict[str, str]:
     from aircl_jax.algorithm.trainer import make_trainer
     from aircl_jax.demonstrations.sources import demonstrations
     from aircl_jax.methods import get_method
-    from aircl_jax.model.networks import make_networks
     from aircl_jax.settings.env_defaults import default_config
     from aircl_jax.settings.parse import updated
     from envs import make_env
 
     env, method = make_env(settings.env, **settings.env_settings), get_method(settings.method)
     config = updated(default_config(settings.env, method.settings), settings.training)
-    trainer, nets = make_trainer(env, method, config), make_networks(env, method, config)
+    trainer = make_trainer(env, method, config)
     expert = jax.tree.map(lambda leaf: leaf[0], demonstrations(env, [0], config)[0])
     state = jax.jit(trainer.init)(jax.random.key(0), expert)
-    params, stats, number = state.params, state.obs_stats, config.num_trajectories * config.pool
+    nets, number = trainer.networks.bind(state.params, state.obs_stats), config.num_trajectories * config.pool
 
-    policy, rolling = _timed(lambda key: rollouts(env, nets, params, stats, key, number), state.key)
+    policy, rolling = _timed(lambda key: rollouts(nets, key, number), state.key)
     head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
-    (reward, bonus), relabelling = _timed(lambda one: policy_reward(nets, params, stats, expert, one), policy)
+    (reward, bonus), relabelling = _timed(lambda one: policy_reward(nets, expert, one), policy)
     _, judging = _timed(
-        lambda one: adversary.update(
-            nets, params, state.adversary_opt, stats, Batches(expert, one, state.replay, state.replay), state.key
-        ),
+        lambda one: adversary.update(nets, state.adversary_opt, Batches(expert, one, state.replay, state.replay), state.key),
         head,
     )
-    _, acting = _timed(
-        lambda one: ppo.update(nets, params, state.ppo_opt, stats, one, reward, bonus, state.key, config.ppo), policy
-    )
+    _, acting = _timed(lambda one: ppo.update(nets, state.ppo_opt, one, reward, bonus, state.key, config.ppo), policy)
     _, whole = _timed(trainer.step, state, expert)
     actions = policy.action.swapaxes(0, 1)
     _, bare = _timed(partial(physics, env), state.key, actions)

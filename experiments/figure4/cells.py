@@ -12,9 +12,7 @@ import numpy as np
 from jaxtyping import Int
 
 from aircl_jax import Result, train
-from aircl_jax.algorithm.rollout import rollouts
-from aircl_jax.algorithm.sampler import SAMPLERS, take
-from aircl_jax.algorithm.scoring import trajectory_feasibility
+from aircl_jax.algorithm.scoring import roll_out_and_draw
 from aircl_jax.analysis.causal import (
     Links,
     difference,
@@ -29,7 +27,7 @@ from aircl_jax.analysis.recovered import Recovered, recover
 from aircl_jax.model.networks import Networks
 from aircl_jax.settings.parse import at_least
 from aircl_jax.storage import write_whole
-from aircl_jax.types import TrainState, Trajectory
+from aircl_jax.types import TrainState
 from envs import Tabular
 from envs.animals.meerkat import Herd, load
 from envs.options import MeerkatOptions
@@ -174,15 +172,11 @@ def generate(result: Result, number: int) -> dict[str, Int[np.ndarray, "S N T"]]
 
 
 def _windows(nets: Networks, number: int, state: TrainState) -> tuple[Any, Any]:
-    params, stats = state.params, state.obs_stats
     key_policy, key_sampler = jax.random.split(jax.random.fold_in(jax.random.fold_in(state.key, KEY_WINDOWS), state.step))
-    pool = rollouts(nets.env, nets, params, stats, key_policy, POOL * number)
-    policy: Trajectory = jax.tree.map(lambda leaf: leaf[:number], pool)
-    if nets.method.sampled_from == "policy":
-        return policy.obs.argmax(axis=-1), policy.obs.argmax(axis=-1)
-    log_delta = trajectory_feasibility(nets, params, stats, pool)
-    sampled = take(pool, SAMPLERS[nets.config.adversary.sampler](log_delta, number, key_sampler))
-    return policy.obs.argmax(axis=-1), sampled.obs.argmax(axis=-1)
+    bound = nets.bind(state.params, state.obs_stats)
+    drawn = roll_out_and_draw(bound, key_policy, key_sampler, POOL * number, number)
+    policy = drawn.policy.obs[:number].argmax(axis=-1)
+    return policy, drawn.sampled.obs.argmax(axis=-1) if nets.method.draws else policy
 
 
 def _compared(study: Study, windows: Int[np.ndarray, "S N T"]) -> dict[str, dict[str, Any]]:

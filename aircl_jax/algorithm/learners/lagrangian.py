@@ -11,14 +11,14 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.methods import Method
-from aircl_jax.model.networks import Networks, make_networks, project_log_std
+from aircl_jax.model.networks import BoundNetworks, Networks, make_networks, project_log_std
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from aircl_jax.types import Metrics, ObsStats, Params, Thresholds, Trajectory
 from envs import Env
 from envs.robots.practice_worlds import RESTART, restarting, weakened
 
-_TRUE_REWARD = Method(reward="true", judge="none", feasibility="none", terms=())
+_TRUE_REWARD = Method(reward="true", discriminator_of="none", feasibility="none", terms=())
 
 
 class Moments(NamedTuple):
@@ -80,14 +80,14 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
 
     def step(state: LagrangianState, constrained: Float[Array, ""]) -> tuple[LagrangianState, Metrics]:
         key, key_rollout, key_update = jax.random.split(state.key, 3)
-        stats = observation_stats(state)
-        bound = (constrained > 0) | (state.step < config.release * config.iterations)
-        multiplier = jnp.where(bound, state.multiplier, 0.0)
-        motors = weakened(env, jnp.where(bound, config.motor_limit, jnp.inf)) if config.motor_limit else env
+        acting = bound(nets, state)
+        held = (constrained > 0) | (state.step < config.release * config.iterations)
+        multiplier = jnp.where(held, state.multiplier, 0.0)
+        motors = weakened(env, jnp.where(held, config.motor_limit, jnp.inf)) if config.motor_limit else env
         world = restarting(motors, config.fall_cost)
-        met = _unrestarted(rollouts(world, nets, acting_params(state), stats, key_rollout, config.num_trajectories))
-        batch = make_batch(nets, state, stats, met, multiplier, config)
-        state, metrics = update(nets, state, stats, batch, key_update, config)
+        met = _unrestarted(rollouts(acting, key_rollout, config.num_trajectories, world))
+        batch = make_batch(acting, state.cost_value, met, multiplier, config)
+        state, metrics = update(acting, state, batch, key_update, config)
         cost = (met.cost * met.mask).sum(axis=1)
         state = state._replace(
             multiplier=next_multiplier(state.multiplier, cost.mean(), config),
@@ -143,8 +143,11 @@ def observation_stats(state: LagrangianState) -> ObsStats:
     return ObsStats(moments.mean, jnp.where(moments.number > 0, spread, 1.0))
 
 
-def acting_params(state: LagrangianState) -> Params:
-    return Params(state.policy, state.value, reward=None, feasibility=None, thresholds=Thresholds(jnp.zeros(()), jnp.zeros(())))
+def bound(nets: Networks, state: LagrangianState) -> BoundNetworks:
+    """The policy and V_r with what has been learned and seen so far."""
+    thresholds = Thresholds(jnp.zeros(()), jnp.zeros(()))
+    params = Params(state.policy, state.value, reward=None, feasibility=None, thresholds=thresholds)
+    return nets.bind(params, observation_stats(state))
 
 
 def lagrangian_advantage(
@@ -157,17 +160,15 @@ def lagrangian_advantage(
 
 
 def make_batch(
-    nets: Networks,
-    state: LagrangianState,
-    stats: ObsStats,
+    nets: BoundNetworks,
+    cost_critic: Any,
     met: Trajectory,
     multiplier: Float[Array, ""],
     config: LagrangianConfig,
 ) -> Batch:
     """All steps of the rollouts but the last of each, which lends both critics its value as the bootstrap."""
     t = jnp.broadcast_to(jnp.arange(met.mask.shape[1]), met.mask.shape)
-    see = jax.vmap(jax.vmap(nets.value, (None, None, 0, 0)), (None, None, 0, 0))
-    cost_value = see(state.cost_value, stats, met.obs, t)
+    cost_value = jax.vmap(jax.vmap(nets.with_params(value=cost_critic).value))(met.obs, t)
 
     def estimate(reward: Array, value: Array, discount: float) -> Array:
         last = value[:, -1] * met.mask[:, -1]
@@ -184,15 +185,14 @@ def make_batch(
     return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), steps)
 
 
-def loss(
-    trained: tuple[Any, Any, Any], nets: Networks, stats: ObsStats, batch: Batch, config: PPOConfig
-) -> tuple[Array, Metrics]:
+def loss(trained: tuple[Any, Any, Any], nets: BoundNetworks, batch: Batch, config: PPOConfig) -> tuple[Array, Metrics]:
     """−surrogate + value_coef · ½ ((V_r − target)² + (V_c − cost target)²), means over unmasked steps."""
     policy, value, cost_value = trained
+    acting, cost_critic = nets.with_params(policy=policy, value=value), nets.with_params(value=cost_value)
 
     def one(step: Batch) -> tuple[Array, Array, Array]:
-        log_prob = jnp.asarray(nets.policy(policy, stats, step.obs, step.t).log_prob(step.action))
-        return log_prob, nets.value(value, stats, step.obs, step.t), nets.value(cost_value, stats, step.obs, step.t)
+        log_prob = jnp.asarray(acting.policy(step.obs, step.t).log_prob(step.action))
+        return log_prob, acting.value(step.obs, step.t), cost_critic.value(step.obs, step.t)
 
     log_prob, found, cost_found = jax.vmap(one)(batch)
     surrogate = ppo.clipped_surrogate(log_prob, batch.log_prob, batch.advantage, config.clip_eps)
@@ -204,7 +204,7 @@ def loss(
 
 
 def update(
-    nets: Networks, state: LagrangianState, stats: ObsStats, batch: Batch, key: PRNGKeyArray, config: LagrangianConfig
+    nets: BoundNetworks, state: LagrangianState, batch: Batch, key: PRNGKeyArray, config: LagrangianConfig
 ) -> tuple[LagrangianState, Metrics]:
     """`num_epochs` passes over the steps in shuffled minibatches; the step's size falls linearly over the iterations."""
     number = batch.mask.size
@@ -215,7 +215,7 @@ def update(
     def minibatch_step(carry: tuple[Any, Any], index: Array) -> tuple[tuple[Any, Any], Metrics]:
         trained, opt = carry
         minibatch = jax.tree.map(lambda leaf: leaf[index], batch)
-        grads, metrics = jax.grad(loss, has_aux=True)(trained, nets, stats, minibatch, config.ppo)
+        grads, metrics = jax.grad(loss, has_aux=True)(trained, nets, minibatch, config.ppo)
         updates, opt = optimiser.update(grads, opt)
         policy, *values = jax.tree.map(lambda old, change: old + left * change, trained, updates)
         return ((project_log_std(policy, config.ppo), *values), opt), metrics

@@ -8,9 +8,9 @@ import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from aircl_jax.algorithm.masks import masked_mean
-from aircl_jax.model.networks import Networks, project_log_std
+from aircl_jax.model.networks import BoundNetworks, project_log_std
 from aircl_jax.settings.train_config import PPOConfig
-from aircl_jax.types import Metrics, ObsStats, Params, Trajectory
+from aircl_jax.types import Metrics, Params, Trajectory
 
 
 def gae(
@@ -69,11 +69,11 @@ class Batch(NamedTuple):
     target: Float[Array, "N T"]
 
 
-def loss(nets: Networks, params: Params, stats: ObsStats, batch: Batch, config: PPOConfig) -> tuple[Array, Metrics]:
+def loss(nets: BoundNetworks, batch: Batch, config: PPOConfig) -> tuple[Array, Metrics]:
     """−surrogate + value_coef · ½ (V − target)², means over unmasked steps."""
     trajectory = batch.trajectory
-    log_prob = jax.vmap(nets.log_pi, (None, None, 0))(params, stats, trajectory)
-    value = jax.vmap(nets.values, (None, None, 0))(params, stats, trajectory)
+    log_prob = jax.vmap(nets.log_pi)(trajectory)
+    value = jax.vmap(nets.values)(trajectory)
     surrogate = clipped_surrogate(log_prob, trajectory.log_prob, batch.advantage, config.clip_eps)
     policy_loss = -masked_mean(surrogate, trajectory.mask)
     value_loss = 0.5 * masked_mean((value - batch.target) ** 2, trajectory.mask)
@@ -88,39 +88,39 @@ def loss(nets: Networks, params: Params, stats: ObsStats, batch: Batch, config: 
 
 
 def update(
-    nets: Networks,
-    params: Params,
+    nets: BoundNetworks,
     opt_state: Any,
-    stats: ObsStats,
     policy: Trajectory,
     reward: Float[Array, "N T"],
-    credit: Float[Array, " N"],
+    bonus: Float[Array, " N"],
     key: PRNGKeyArray,
     config: PPOConfig,
 ) -> tuple[Params, Any, Metrics]:
     """Line 7: `num_epochs` passes over D_P in minibatches of whole trajectories.
 
-    `reward` drives the critic and the advantage; `credit` is added to every step's advantage of its trajectory, before
+    `reward` drives the critic and the advantage; `bonus` is added to every step's advantage of its trajectory, before
     the advantages are normalised over the batch.
     """
     advantage = jax.vmap(gae, (0, 0, 0, 0, None, None))(
         reward, policy.value, policy.bootstrap, policy.mask, config.discount, config.gae_lambda
     )
     target = advantage + policy.value
-    credited = advantage + credit[:, None]
-    centre = masked_mean(credited, policy.mask)
-    spread = jnp.sqrt(masked_mean((credited - centre) ** 2, policy.mask))
-    batch = Batch(policy, (credited - centre) / (spread + 1e-8), target)
+    rewarded = advantage + bonus[:, None]
+    centre = masked_mean(rewarded, policy.mask)
+    spread = jnp.sqrt(masked_mean((rewarded - centre) ** 2, policy.mask))
+    batch = Batch(policy, (rewarded - centre) / (spread + 1e-8), target)
 
     optimiser = make_optimiser(config)
     number, horizon = policy.mask.shape
 
+    def trainable_loss(trainable: tuple, minibatch: Batch) -> tuple[Array, Metrics]:
+        policy, value = trainable
+        return loss(nets.with_params(policy=policy, value=value), minibatch, config)
+
     def minibatch_step(carry: tuple, index: Array) -> tuple[tuple, Metrics]:
         params, opt_state = carry
         minibatch = jax.tree.map(lambda leaf: leaf[index], batch)
-        grads, metrics = jax.grad(_trainable_loss, has_aux=True)(
-            (params.policy, params.value), nets, params, stats, minibatch, config
-        )
+        grads, metrics = jax.grad(trainable_loss, has_aux=True)((params.policy, params.value), minibatch)
         updates, opt_state = optimiser.update(grads, opt_state)
         new_policy, new_value = cast(Any, optax.apply_updates((params.policy, params.value), updates))
         params = params._replace(policy=project_log_std(new_policy, config), value=new_value)
@@ -130,10 +130,5 @@ def update(
         return jax.lax.scan(minibatch_step, carry, epoch_order(key_epoch, number, horizon, config.minibatch_size))
 
     keys = jax.random.split(key, config.num_epochs)
-    (params, opt_state), metrics = jax.lax.scan(epoch, (params, opt_state), keys)
+    (params, opt_state), metrics = jax.lax.scan(epoch, (nets.params, opt_state), keys)
     return params, opt_state, {name: value[-1].mean() for name, value in metrics.items()}
-
-
-def _trainable_loss(trainable: tuple, nets: Networks, params: Params, *rest: Any) -> tuple[Array, Metrics]:
-    policy, value = trainable
-    return loss(nets, params._replace(policy=policy, value=value), *rest)

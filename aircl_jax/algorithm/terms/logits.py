@@ -1,5 +1,6 @@
 """What the discriminator says of trajectories or steps: the logits that the loss terms are made of."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -26,26 +27,45 @@ def trajectory_logit(scores: Scores, reduction: str) -> Float[Array, " N"]:
     return logit.sum(axis=-1) if reduction == "sum" else mean_over_steps(logit, scores.mask)
 
 
-def judge(method: Method, config: TrainConfig, expert: Scores, sampled: Scores) -> tuple[Array, Array]:
-    """Logits [N, K] of "expert is high" for both sets; K is 1 for a judge of trajectories, T for a judge of steps.
-
-    centred: h − b with h = f − β log π and b = ½ (mean_E h + mean_S h), no gradient through b.
-    """
-    if method.judge == "trajectory":
-        reduction = config.adversary.trajectory_logit
-        return trajectory_logit(expert, reduction)[:, None], trajectory_logit(sampled, reduction)[:, None]
-    if method.judge == "feasibility":
-        return expert.step_logit, sampled.step_logit
-    temperature = config.temperature if method.judge == "centred" else 1.0
-    expert_logit, sampled_logit = (one.f - temperature * one.log_pi for one in (expert, sampled))
-    if method.judge == "centred":
-        expert_mean = mean_over_steps(expert_logit, expert.mask).mean()
-        sampled_mean = mean_over_steps(sampled_logit, sampled.mask).mean()
-        centre = jax.lax.stop_gradient(0.5 * (expert_mean + sampled_mean))
-        return expert_logit - centre, sampled_logit - centre
-    return expert_logit, sampled_logit
+def of_trajectories(config: TrainConfig, scores: Scores) -> Float[Array, "N 1"]:
+    """One logit a trajectory: that of f(τ) − log π(τ)."""
+    return trajectory_logit(scores, config.adversary.trajectory_logit)[:, None]
 
 
-def verdict(logit: Float[Array, "N K"], mask: Float[Array, "N T"]) -> Float[Array, " N"]:
+def of_steps(config: TrainConfig, scores: Scores) -> Float[Array, "N T"]:
+    """A logit a step: f − log π."""
+    return scores.f - scores.log_pi
+
+
+def of_feasibility(config: TrainConfig, scores: Scores) -> Float[Array, "N T"]:
+    """A logit a step: that of the feasibility itself, which is GACL's discriminator."""
+    return scores.step_logit
+
+
+LOGITS: dict[str, Callable[[TrainConfig, Scores], Array]] = {
+    "trajectory": of_trajectories,
+    "step": of_steps,
+    "feasibility": of_feasibility,
+}
+
+
+def discriminator_logits(method: Method, config: TrainConfig, expert: Scores, sampled: Scores) -> tuple[Array, Array]:
+    """Logits [N, K] of "expert is high" for both sets; K is 1 for a discriminator of trajectories, T for one of steps."""
+    if method.centred:
+        return centred_logits(config, expert, sampled)
+    logit = LOGITS[method.discriminator_of]
+    return logit(config, expert), logit(config, sampled)
+
+
+def centred_logits(config: TrainConfig, expert: Scores, sampled: Scores) -> tuple[Float[Array, "N T"], Float[Array, "M T"]]:
+    """h − b of each step, with h = f − β log π and b = ½ (mean_E h + mean_S h); no gradient through b."""
+    expert_logit, sampled_logit = (one.f - config.temperature * one.log_pi for one in (expert, sampled))
+    expert_mean = mean_over_steps(expert_logit, expert.mask).mean()
+    sampled_mean = mean_over_steps(sampled_logit, sampled.mask).mean()
+    centre = jax.lax.stop_gradient(0.5 * (expert_mean + sampled_mean))
+    return expert_logit - centre, sampled_logit - centre
+
+
+def per_trajectory(logit: Float[Array, "N K"], mask: Float[Array, "N T"]) -> Float[Array, " N"]:
     """One number a trajectory, of logits or losses: the mean over its steps. D(τ) > ½ where that of the logits is positive."""
     return logit[:, 0] if logit.shape[-1] == 1 else mean_over_steps(logit, mask)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.masks import mean_over_steps
-from aircl_jax.algorithm.terms.logits import Batches, judge, trajectory_logit, verdict
+from aircl_jax.algorithm.terms.logits import Batches, discriminator_logits, per_trajectory, trajectory_logit
 from aircl_jax.methods import Method
 from aircl_jax.model.feasibility import log_feasibility, log_sequence_feasibility
 from aircl_jax.settings.train_config import Coefficients, TrainConfig
@@ -13,10 +13,10 @@ from aircl_jax.types import Scores
 
 
 def discriminator(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
-    """Eq. 8 (Eq. 3 for a judge of steps): −E_E[log D] − E_S[log(1 − D)], whose gradient in θ is Eq. 11."""
-    expert_logit, sampled_logit = judge(method, config, scores.expert, scores.sampled)
-    expert_loss = verdict(jax.nn.softplus(-expert_logit), scores.expert.mask)
-    sampled_loss = verdict(jax.nn.softplus(sampled_logit), scores.sampled.mask)
+    """Eq. 8 (Eq. 3 for a discriminator of steps): −E_E[log D] − E_S[log(1 − D)], whose gradient in θ is Eq. 11."""
+    expert_logit, sampled_logit = discriminator_logits(method, config, scores.expert, scores.sampled)
+    expert_loss = per_trajectory(jax.nn.softplus(-expert_logit), scores.expert.mask)
+    sampled_loss = per_trajectory(jax.nn.softplus(sampled_logit), scores.sampled.mask)
     return expert_loss.mean() + sampled_loss.mean()
 
 
@@ -47,5 +47,5 @@ def contrast(method: Method, config: TrainConfig, coefficients: Coefficients, sc
 
 def minimal(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Section 6's minimal-constraint term, κ · E_S|1 − δ̄(τ)|; on δ_seq alone where the per-step factor is a ratio test."""
-    logs = log_sequence_feasibility if method.test == "ratio" else log_feasibility
+    logs = log_sequence_feasibility if method.is_ratio_test else log_feasibility
     return coefficients.minimal_coef * (1.0 - jnp.exp(logs(method, coefficients, scores.sampled))).mean()

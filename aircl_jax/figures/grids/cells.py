@@ -41,7 +41,7 @@ def draw(result: Result, layout: Layout, table: Tabular, found: Evidence) -> Ite
     maps = episodes.gather_grid(result, table)
     if result.plan.method.learns_reward:
         yield reward_maps(result, layout, table, maps)
-    if result.plan.method.feasibility != "none":
+    if result.plan.method.learns_feasibility:
         yield feasibility_maps(result, layout, table, maps, found)
     yield occupancy_maps(result, layout, maps)
 
@@ -74,7 +74,7 @@ def reward_maps(result: Result, layout: Layout, table: Tabular, maps: GridEviden
 def feasibility_maps(result: Result, layout: Layout, table: Tabular, maps: GridEvidence, found: Evidence) -> Drawing:
     """δ₁ of each cell beside the true constraint; where one of the two is no matter of cells, both of the paths through."""
     doubtful = np.zeros(layout.size**2, bool)
-    if "step" in result.plan.method.feasibility and len(table.cost) == layout.size**2:
+    if result.plan.method.tests_steps and len(table.cost) == layout.size**2:
         allowed, told = 1.0 - np.asarray(table.cost), "δ₁ of each cell"
         doubtful = (maps.expert_occupancy < UNSEEN) & (maps.occupancy.mean(axis=0) < UNSEEN) & (allowed > 0)
         true = Map("true constraint", allowed, "1: allowed, 0: forbidden", "{:.0f}")
