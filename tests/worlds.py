@@ -32,7 +32,7 @@ TINY = TrainConfig(
 )
 UNOPTIMISED = {"xla_backend_optimization_level": 0}  # compiles in half the time, for what runs once
 # The policy's own optimum under a known reward: no adversary, only PPO.
-KNOWN_REWARD = Method(reward="true", judge="none", feasibility="none", terms=())
+KNOWN_REWARD = Method(reward="true", discriminator_of="none", feasibility="none", terms=())
 
 
 def tiny_grid(**settings: Any) -> Env:

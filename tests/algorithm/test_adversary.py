@@ -34,15 +34,15 @@ def networks(**adversary: Any) -> tuple[Networks, Params]:
 def updated(**adversary: Any) -> tuple[Params, Any, Metrics]:
     nets, params = networks(**adversary)
     opt = make_optimiser(nets.config).init((params.reward, params.feasibility))
-    run = jax.jit(lambda params, opt: update(nets, params, opt, STATS, BATCHES, KEY), compiler_options=UNOPTIMISED)
+    run = jax.jit(lambda params, opt: update(nets.bind(params, STATS), opt, BATCHES, KEY), compiler_options=UNOPTIMISED)
     return run(params, opt)
 
 
 def losses(params: Params, batches: Batches = BATCHES) -> Metrics:
     """The row's terms under these parameters, log π being the present policy's."""
     nets, _ = networks()
-    present = Batches(*(one._replace(log_prob=jax.vmap(nets.log_pi, (None, None, 0))(params, STATS, one)) for one in batches))
-    scores = score_all(nets, params, STATS, present)
+    present = Batches(*((one, jax.vmap(nets.bind(params, STATS).log_pi)(one)) for one in batches))
+    scores = score_all(nets.bind(params, STATS), present)
     return {
         f"loss_{name}": TERMS[name](nets.method, nets.config, nets.config.coefficients, scores) for name in nets.method.terms
     }
@@ -102,6 +102,6 @@ def test_the_policy_the_critic_and_the_thresholds_stand_still():
 
 def test_a_row_without_terms_is_left_as_it_is():
     nets, params = tiny_networks(GRID, "bc")
-    after, _, metrics = update(nets, params, None, STATS, BATCHES, KEY)
+    after, _, metrics = update(nets.bind(params, STATS), None, BATCHES, KEY)
     assert metrics == {}
     jax.tree.map(np.testing.assert_array_equal, after, params)

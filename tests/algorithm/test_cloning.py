@@ -28,7 +28,7 @@ def clone(epochs: int, poison: int) -> tuple[Params, Params, float]:
     start = make_optimiser(config).init((params.policy, params.value))
 
     def run(expert: Trajectory) -> tuple[Params, Any, Any]:
-        return cloning.update(nets, params, start, unit_stats(env), expert, jax.random.key(0), config)
+        return cloning.update(nets.bind(params, unit_stats(env)), start, expert, jax.random.key(0), config)
 
     after, _, metrics = jax.jit(run)(expert)
     return params, after, float(metrics["policy_loss"])
@@ -38,7 +38,7 @@ def unlikelihood(params: Params) -> float:
     """−mean log π(a|s) over the steps before each episode's end, step by step."""
     nets, _ = tiny_networks(tiny_grid(), "bc")
     total = [
-        float(nets.policy(params.policy, unit_stats(nets.env), EXPERT.obs[n, t], jnp.asarray(t)).log_prob(EXPERT.action[n, t]))
+        float(nets.bind(params, unit_stats(nets.env)).policy(EXPERT.obs[n, t], jnp.asarray(t)).log_prob(EXPERT.action[n, t]))
         for n in range(5)
         for t in range(int(EXPERT.mask[n].sum()))
     ]
@@ -71,5 +71,5 @@ def test_log_std_of_a_clone_is_kept_in_its_bounds():
     nets, params = tiny_networks(env, "bc", replace(TINY, ppo=replace(config, log_std_init=-0.5)))
     expert = random_trajectories(env, 0, 4)._replace(action=9.0 * jnp.ones((4, 1, 1)))  # far out: σ would rise
     start = make_optimiser(config).init((params.policy, params.value))
-    after, _, _ = cloning.update(nets, params, start, unit_stats(env), expert, jax.random.key(0), config)
+    after, _, _ = cloning.update(nets.bind(params, unit_stats(env)), start, expert, jax.random.key(0), config)
     assert after.policy["params"]["log_std"] == -0.5

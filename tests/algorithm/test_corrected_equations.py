@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.algorithm.policy_reward import policy_reward
-from aircl_jax.algorithm.terms.logits import Batches, judge
+from aircl_jax.algorithm.terms.logits import Batches, discriminator_logits
 from aircl_jax.methods import METHODS
 from aircl_jax.model.feasibility import RATIO_FLOOR, calibrate, log_feasibility, log_step_feasibility
 from aircl_jax.types import Scores
@@ -46,13 +46,13 @@ def test_centred_judge_subtracts_the_midpoint_of_both_means_without_a_gradient(t
     batches, config = random_batches(), replace(TINY, temperature=temperature)
     h = [naive(one).f - temperature * naive(one).log_pi for one in (batches.expert, batches.sampled)]
     means = [masked(x, one, np.mean).mean() for x, one in zip(h, (batches.expert, batches.sampled), strict=True)]
-    logits = judge(METHODS["aircl_corrected"], config, batches.expert, batches.sampled)
+    logits = discriminator_logits(METHODS["aircl_corrected"], config, batches.expert, batches.sampled)
     for logit, x in zip(logits, h, strict=True):
         np.testing.assert_allclose(logit, x - np.mean(means), rtol=1e-12)
 
     def expert_logit(constant):
         shifted = batches.expert._replace(f=batches.expert.f + constant)
-        return judge(METHODS["aircl_corrected"], TINY, shifted, batches.sampled)[0].sum()
+        return discriminator_logits(METHODS["aircl_corrected"], TINY, shifted, batches.sampled)[0].sum()
 
     assert jax.grad(expert_logit)(0.0) == h[0].size
 
@@ -132,10 +132,8 @@ def test_corrected_policy_is_paid_by_the_centred_reward_the_step_factor_and_the_
     nets, params = tiny_networks(env, "aircl_corrected", config)
     expert, policy = random_trajectories(env, 0, 5), random_trajectories(env, 1, 6)
     stats = unit_stats(env)
-    of_expert, of_policy = (
-        jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, one, one.log_prob) for one in (expert, policy)
-    )
-    reward, credit = policy_reward(nets, params, stats, expert, policy)
+    of_expert, of_policy = (jax.vmap(nets.bind(params, stats).scores)(one, one.log_prob) for one in (expert, policy))
+    reward, credit = policy_reward(nets.bind(params, stats), expert, policy)
     centre = masked(naive(of_expert).f, of_expert, np.mean).mean()
     delta = np.maximum(sharpened(naive(of_policy).step_logit), np.exp(RATIO_FLOOR))
     paid = naive(of_policy).f - centre + np.log(delta) - temperature * np.asarray(policy.log_prob)

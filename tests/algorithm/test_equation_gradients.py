@@ -40,7 +40,7 @@ class Setting:
 
     def scores(self, theta, phi):
         params = self.params._replace(reward=self.unravel_theta(theta), feasibility=self.unravel_phi(phi))
-        return score_all(self.nets, params, self.stats, self.batches)
+        return score_all(self.nets.bind(params, self.stats), Batches(*((one, one.log_prob) for one in self.batches)))
 
     def grad(self, name, argnums):
         def loss(theta, phi):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.algorithm.policy_reward import policy_reward
-from aircl_jax.algorithm.terms.logits import Batches, judge, trajectory_logit
+from aircl_jax.algorithm.terms.logits import Batches, discriminator_logits, trajectory_logit
 from aircl_jax.algorithm.terms.table import TERMS
 from aircl_jax.methods import METHODS
 from aircl_jax.model.feasibility import log_feasibility
@@ -55,7 +55,7 @@ def feasibility_of(scores, method):
 
 def test_step_discriminator_is_equation_2():
     batches = random_batches()
-    logit, _ = judge(METHODS["airl"], TINY, batches.expert, batches.sampled)
+    logit, _ = discriminator_logits(METHODS["airl"], TINY, batches.expert, batches.sampled)
     np.testing.assert_allclose(jax.nn.sigmoid(logit), step_discriminator(batches.expert), rtol=1e-12)
 
 
@@ -137,8 +137,8 @@ def test_a_policy_of_the_true_reward_is_paid_by_it_the_feasibility_and_the_entro
     nets, params = tiny_networks(env, name)
     params = params._replace(feasibility=jax.tree.map(lambda leaf: -9.0 * leaf, params.feasibility))  # some steps at the floor
     expert, policy = random_trajectories(env, 0, 5), random_trajectories(env, 1, 60)
-    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, unit_stats(env), policy, policy.log_prob)
-    reward, credit = policy_reward(nets, params, unit_stats(env), expert, policy)
+    scores = jax.vmap(nets.bind(params, unit_stats(env)).scores)(policy, policy.log_prob)
+    reward, credit = policy_reward(nets.bind(params, unit_stats(env)), expert, policy)
     log_delta = np.log(sigmoid(naive(scores).step_logit))
     assert 0 < (log_delta < -11.5).mean() < 1
     paid = np.asarray(policy.reward) + np.maximum(log_delta, -11.5) - np.asarray(policy.log_prob)
@@ -183,8 +183,8 @@ def test_a_policy_of_the_papers_learned_reward_is_paid_by_it_uncentred_and_the_e
     env = tiny_grid()
     nets, params = tiny_networks(env, "aircl_sa")
     expert, policy = random_trajectories(env, 0, 5), random_trajectories(env, 1, 6)
-    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, unit_stats(env), policy, policy.log_prob)
-    reward, credit = policy_reward(nets, params, unit_stats(env), expert, policy)
+    scores = jax.vmap(nets.bind(params, unit_stats(env)).scores)(policy, policy.log_prob)
+    reward, credit = policy_reward(nets.bind(params, unit_stats(env)), expert, policy)
     paid = naive(scores).f - np.asarray(policy.log_prob)
     np.testing.assert_allclose(reward, paid * naive(scores).mask, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(credit, np.zeros(6))

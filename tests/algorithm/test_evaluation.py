@@ -103,8 +103,8 @@ class Episode:
 def episodes(row: str, name: str) -> list[Episode]:
     nets, params, stats, sets = setting(row)
     one = sets[name]
-    log_pi = jax.vmap(nets.log_pi, (None, None, 0))(params, stats, one)
-    said = naive(jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, one, log_pi))
+    log_pi = jax.vmap(nets.bind(params, stats).log_pi)(one)
+    said = naive(jax.vmap(nets.bind(params, stats).scores)(one, log_pi))
 
     def number(tree: Any, i: int) -> Any:
         return jax.tree.map(lambda leaf: leaf[i], tree)
@@ -148,7 +148,7 @@ def violation_of_the_reward_alone(row: str) -> float:
     table = table_of(nets.env)
     states, actions, horizon = range(9), range(4), nets.env.horizon
     move = np.asarray(table.transition, np.float64)
-    f = np.array([[float(nets.reward(params.reward, stats, jnp.eye(9)[x], jnp.asarray(a))) for a in actions] for x in states])
+    f = np.array([[float(nets.bind(params, stats).reward(jnp.eye(9)[x], jnp.asarray(a))) for a in actions] for x in states])
     temperature = TEMPERATURE if row == "aircl_corrected" else 1.0  # of the paper's rows
     value, policies = np.zeros(9), []
     for _ in range(horizon):

@@ -34,7 +34,7 @@ def solve(env: Env, iterations=150, temperature=1.0, number=512, **changes):
 
 
 def act(env, nets, params):
-    return nets.policy(params.policy, unit_stats(env), jnp.eye(env.obs_size)[0], jnp.asarray(0))
+    return nets.bind(params, unit_stats(env)).policy(jnp.eye(env.obs_size)[0], jnp.asarray(0))
 
 
 def probabilities(env, nets, params):
@@ -42,7 +42,7 @@ def probabilities(env, nets, params):
 
 
 def value(env, nets, params, t=0):
-    return nets.value(params.value, unit_stats(env), jnp.eye(env.obs_size)[t], jnp.asarray(t))
+    return nets.bind(params, unit_stats(env)).value(jnp.eye(env.obs_size)[t], jnp.asarray(t))
 
 
 @pytest.mark.parametrize("temperature", [1.0, 0.5])
@@ -129,7 +129,7 @@ def test_ppo_reaches_the_exact_soft_optimal_return_of_the_grid_within_two_percen
     def train(key):
         state = trainer.init(key, expert)._replace(obs_stats=unit_stats(env))
         state = jax.lax.scan(lambda state, _: (trainer.step(state, expert)[0], None), state, length=400)[0]
-        return rollouts(env, nets, state.params, state.obs_stats, key, 5000)
+        return rollouts(nets.bind(state.params, state.obs_stats), key, 5000)
 
     episodes = train(jax.random.key(0))
     soft_return = (episodes.reward - episodes.log_prob).sum(axis=1).mean()

@@ -56,14 +56,14 @@ def robot(**settings: Any) -> Env:
 
 
 def test_occupancy_of_a_world_without_a_table_is_compared_in_sixteenths_of_eight_standard_deviations():
-    nets, _ = tiny_networks(robot(), "airl")
+    nets, params = tiny_networks(robot(), "airl")
     stats = ObsStats(jnp.asarray([1.0, 0.0]), jnp.asarray([2.0, 1.0]))
     # First coordinate, s̃ = (s − 1) / 2: the expert half in [0, ½) and half in [½, 1), π half in [0, ½) and half, far out, in
     # the last bin; what stands past π's end would be another. Second coordinate: the same bin for both.
     one, mask = random_trajectories(nets.env, 0, 3), jnp.asarray([[1.0], [1.0], [0.0]])
     expert = one._replace(obs=jnp.asarray([[[1.2, 0.1]], [[2.4, 0.2]], [[1.4, 0.0]]]), mask=mask)
     policy = one._replace(obs=jnp.asarray([[[1.9, 0.3]], [[900.0, 0.4]], [[-5.0, 0.0]]]), mask=mask)
-    np.testing.assert_allclose(occupancy_tv(nets, stats, expert, policy), (0.5 + 0.0) / 2, rtol=1e-6)
+    np.testing.assert_allclose(occupancy_tv(nets.bind(params, stats), expert, policy), (0.5 + 0.0) / 2, rtol=1e-6)
 
 
 @pytest.fixture(scope="module")

@@ -20,11 +20,11 @@ def one_episode(horizon: int, **kind: bool) -> tuple[Trajectory, list[float], li
     env = one_state_env(lambda t, action: 10.0 + t, horizon=horizon, **kind)
     nets, params = tiny_networks(env, KNOWN_REWARD)
     stats = unit_stats(env)
-    found = jax.jit(lambda key: rollout(env, nets, params, stats, key))(jax.random.key(0))
-    value = [float(nets.value(params.value, stats, jnp.eye(horizon + 1)[t], jnp.asarray(t))) for t in range(horizon + 1)]
+    found = jax.jit(lambda key: rollout(nets.bind(params, stats), key))(jax.random.key(0))
+    value = [float(nets.bind(params, stats).value(jnp.eye(horizon + 1)[t], jnp.asarray(t))) for t in range(horizon + 1)]
     assert min(map(abs, value)) > 1e-3
     log_prob = [
-        float(nets.policy(params.policy, stats, jnp.eye(horizon + 1)[t], jnp.asarray(t)).log_prob(found.action[t]))
+        float(nets.bind(params, stats).policy(jnp.eye(horizon + 1)[t], jnp.asarray(t)).log_prob(found.action[t]))
         for t in range(horizon)
     ]
     return found, value, log_prob
@@ -61,7 +61,7 @@ def test_an_episode_that_is_over_stays_over():
 
     env = replace(base, step=step)
     nets, params = tiny_networks(env, KNOWN_REWARD)
-    found = jax.jit(lambda key: rollout(env, nets, params, unit_stats(env), key))(jax.random.key(0))
+    found = jax.jit(lambda key: rollout(nets.bind(params, unit_stats(env)), key))(jax.random.key(0))
     np.testing.assert_array_equal(found.mask, [1.0, 1.0, 0.0, 0.0])
     assert found.bootstrap == 0.0
 

@@ -103,7 +103,7 @@ def test_a_warm_start_is_a_clone_of_the_demonstrations_and_nothing_else():
         config = replace(TINY, warm_start=steps)
         state = jax.jit(make_trainer(env, method, config).init)(jax.random.key(0), expert)
         nets = make_networks(env, method, config)
-        along = jax.vmap(nets.log_pi, (None, None, 0))(state.params, state.obs_stats, expert)
+        along = jax.vmap(nets.bind(state.params, state.obs_stats).log_pi)(expert)
         return state, float((along * expert.mask).sum() / expert.mask.sum())
 
     (cold, before), (warm, after) = start(0), start(60)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm import adversary
+from aircl_jax.algorithm import adversary, scoring
 from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.sampler import SAMPLERS
@@ -19,7 +19,7 @@ from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.methods import METHODS
 from aircl_jax.model.feasibility import calibrate, log_feasibility
-from aircl_jax.model.networks import make_networks
+from aircl_jax.model.networks import BoundNetworks, make_networks
 from aircl_jax.settings.train_config import AdversaryConfig
 from aircl_jax.types import ObsStats, Params, Thresholds, Trajectory
 from tests.worlds import TINY, random_trajectories, tiny_grid
@@ -47,7 +47,7 @@ def recorded() -> SimpleNamespace:
         params=params, obs_stats=ObsStats(jnp.zeros(9), jnp.ones(9)), replay=random_trajectories(env, 2, 3)
     )
 
-    def roll(env: Any, nets: Any, params: Params, stats: ObsStats, key: Any, number: int) -> Trajectory:
+    def roll(nets: BoundNetworks, key: Any, number: int) -> Trajectory:
         assert number == POOL
         seen.keys["rollout"] = key
         return seen.pool
@@ -56,16 +56,16 @@ def recorded() -> SimpleNamespace:
         seen.log_delta, seen.keys["sampler"] = log_delta, key
         return jnp.argsort(log_delta)[:number]
 
-    def relearn(nets: Any, params: Params, opt: Any, stats: ObsStats, batches: Batches, key: Any) -> tuple:
+    def relearn(nets: BoundNetworks, opt: Any, batches: Batches, key: Any) -> tuple:
+        params = nets.params
         seen.judged_by, seen.batches, seen.keys["adversary"] = params, batches, key
         learned = jax.tree.map(lambda leaf: -1.5 * leaf, (params.reward, params.feasibility))
         seen.left = params._replace(reward=learned[0], feasibility=learned[1])
         return seen.left, opt, {}
 
-    def act(
-        nets: Any, params: Params, opt: Any, stats: Any, policy: Any, reward: Any, credit: Any, key: Any, config: Any
-    ) -> tuple:
-        seen.acting, seen.played, seen.reward, seen.credit, seen.keys["policy"] = params, policy, reward, credit, key
+    def act(nets: BoundNetworks, opt: Any, policy: Any, reward: Any, bonus: Any, key: Any, config: Any) -> tuple:
+        params = nets.params
+        seen.acting, seen.played, seen.reward, seen.bonus, seen.keys["policy"] = params, policy, reward, bonus, key
         return params._replace(policy=jax.tree.map(lambda leaf: leaf + 1.0, params.policy)), opt, {}
 
     def refresh(replay: Trajectory, policy: Trajectory, key: Any, rate: float) -> Trajectory:
@@ -74,7 +74,7 @@ def recorded() -> SimpleNamespace:
 
     doors = sys.modules[make_trainer.__module__]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(doors, "rollouts", roll)
+        patch.setattr(scoring, "rollouts", roll)
         patch.setattr(doors, "refresh", refresh)
         patch.setattr(adversary, "update", relearn)
         patch.setattr(ppo, "update", act)
@@ -86,25 +86,25 @@ def recorded() -> SimpleNamespace:
 def log_delta(params: Params, trajectories: Trajectory) -> Any:
     """log δ̄ of each trajectory under the thresholds of these parameters."""
     nets, stats = recorded().nets, recorded().first.obs_stats
-    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, stats, trajectories, trajectories.log_prob)
+    scores = jax.vmap(nets.bind(params, stats).scores)(trajectories, trajectories.log_prob)
     return log_feasibility(METHOD, CONFIG.coefficients, scores)
 
 
 def thresholds(params: Params) -> Thresholds:
     """What D_E asks for under these parameters."""
     nets, expert = recorded().nets, recorded().expert
-    scores = jax.vmap(nets.scores, (None, None, 0, 0))(params, recorded().first.obs_stats, expert, expert.log_prob)
+    scores = jax.vmap(nets.bind(params, recorded().first.obs_stats).scores)(expert, expert.log_prob)
     return calibrate(CONFIG.coefficients, scores)
 
 
 def paid(params: Params) -> tuple[Any, Any]:
     seen = recorded()
-    return policy_reward(seen.nets, params, seen.first.obs_stats, seen.expert, seen.pool)
+    return policy_reward(seen.nets.bind(params, seen.first.obs_stats), seen.expert, seen.pool)
 
 
 def test_ppo_is_paid_by_the_reward_and_the_constraint_that_the_adversary_has_left():
     seen = recorded()
-    assert_same((seen.reward, seen.credit), paid(seen.left._replace(thresholds=thresholds(seen.left))))
+    assert_same((seen.reward, seen.bonus), paid(seen.left._replace(thresholds=thresholds(seen.left))))
     assert np.abs(np.asarray(seen.reward - paid(seen.first.params)[0])).max() > 0.1
 
 

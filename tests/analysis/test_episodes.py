@@ -64,13 +64,13 @@ def maps() -> episodes.GridEvidence:
 
 def test_the_map_of_the_reward_is_that_of_every_cell_and_action():
     nets = result().networks
-    expected = each_pair(lambda state, obs, action: nets.reward(state.params.reward, state.obs_stats, obs, action))
+    expected = each_pair(lambda state, obs, action: nets.bind(state.params, state.obs_stats).reward(obs, action))
     np.testing.assert_allclose(maps().reward, expected, rtol=1e-4, atol=1e-5)
 
 
 def test_the_map_of_the_feasibility_is_tested_at_the_settings_threshold():
     nets, coefficients = result().networks, result().plan.config.coefficients
-    logit = each_pair(lambda state, obs, action: nets.step_logit(state.params.feasibility, state.obs_stats, obs, action))
+    logit = each_pair(lambda state, obs, action: nets.bind(state.params, state.obs_stats).step_logit(obs, action))
     shifted = float(coefficients.sharpness) * (logit - np.log(float(coefficients.threshold)))
     np.testing.assert_allclose(maps().step_delta, np.maximum(1 / (1 + np.exp(-shifted)), np.exp(-10)), rtol=1e-3)
 
@@ -80,7 +80,7 @@ def test_the_map_of_visits_is_how_often_each_seeds_policy_is_in_a_cell(seed):
     nets, state = result().networks, result().state(seed)
 
     def log_policy(t: int, cell: int) -> Any:
-        return nets.policy(state.params.policy, state.obs_stats, jnp.eye(9)[cell], jnp.asarray(t)).log_prob(jnp.arange(4))
+        return nets.bind(state.params, state.obs_stats).policy(jnp.eye(9)[cell], jnp.asarray(t)).log_prob(jnp.arange(4))
 
     expected = mean_visits(
         table_of(result().plan.env), np.array([[log_policy(t, cell) for cell in range(9)] for t in range(4)])
@@ -98,18 +98,16 @@ def test_shown_episodes_and_the_reference_set_have_their_own_feasibility_and_q_i
     monkeypatch.setitem(SAMPLERS, "resample", lambda log_delta, number, key: jnp.argsort(log_delta)[:number][::-1])
     found = episodes.gather(result())
     for seed in range(SEEDS):
-        state = result().state(seed)
         policy = jax.tree.map(lambda leaf, seed=seed: jnp.asarray(leaf[seed]), found.policy)
         of_policy, of_reference = (
-            np.exp(trajectory_feasibility(result().networks, state.params, state.obs_stats, one))
-            for one in (policy, result().reference)
+            np.exp(trajectory_feasibility(result().bound(seed), one)) for one in (policy, result().reference)
         )
         np.testing.assert_allclose(found.delta_policy[seed], of_policy, rtol=1e-3)
         np.testing.assert_allclose(found.delta_reference[seed], of_reference, rtol=1e-3)
         order = np.argsort(found.delta_policy[seed], kind="stable")[::-1]
         by_delta = found.delta_policy[seed][order]
         drawn = jax.tree.map(lambda leaf, seed=seed: jnp.asarray(leaf[seed]), found.sampled)
-        of_drawn = np.exp(trajectory_feasibility(result().networks, state.params, state.obs_stats, drawn))
+        of_drawn = np.exp(trajectory_feasibility(result().bound(seed), drawn))
         np.testing.assert_allclose(of_drawn, by_delta, rtol=1e-3)
 
 

@@ -12,9 +12,10 @@ import pytest
 from aircl_jax.algorithm.learners import lagrangian
 from aircl_jax.algorithm.learners.lagrangian import LagrangianState, Moments, make_lagrangian, observation_stats
 from aircl_jax.experts.selection import DRAWN, Judgement, Sampler, best_expert, best_free, clean_episodes, judge, random_return
+from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.train_config import PPOConfig
-from aircl_jax.types import Metrics, ObsStats, Trajectory
+from aircl_jax.types import Metrics, Trajectory
 from envs import Box, Env, Step
 from tests.worlds import UNOPTIMISED, one_state_env, random_trajectories, tiny_grid
 
@@ -92,7 +93,7 @@ def test_statistics_of_what_was_met_are_its_mean_and_standard_deviation():
     np.testing.assert_allclose(observation_stats(met), np.array([[2.0] * 7, [3.0] * 7]))
 
 
-def met_by_hand() -> tuple[Any, LagrangianState, ObsStats, Trajectory]:
+def met_by_hand() -> tuple[BoundNetworks, LagrangianState, Trajectory]:
     """Two rollouts of six steps, the third step of the first masked."""
     env = costly_once()
     training = make_lagrangian(env, CONFIG)
@@ -102,7 +103,8 @@ def met_by_hand() -> tuple[Any, LagrangianState, ObsStats, Trajectory]:
         value=jnp.asarray(random.normal(size=(2, 6))),
         mask=jnp.ones((2, 6)).at[0, 2].set(0.0),
     )
-    return training.nets, training.init(jax.random.key(1)), ObsStats(jnp.zeros(7), jnp.ones(7)), met
+    state = training.init(jax.random.key(1))
+    return lagrangian.bound(training.nets, state), state, met  # nothing was seen yet: the statistics are 0 and 1
 
 
 def gains(reward: np.ndarray, value: np.ndarray, mask: np.ndarray, discount: float) -> np.ndarray:
@@ -116,11 +118,11 @@ def gains(reward: np.ndarray, value: np.ndarray, mask: np.ndarray, discount: flo
 
 @pytest.mark.parametrize("centred", [False, True])
 def test_a_batch_has_each_critics_target_and_one_advantage_of_both(centred):
-    nets, state, stats, met = met_by_hand()
-    batch = lagrangian.make_batch(nets, state, stats, met, jnp.asarray(2.0), replace(CONFIG, centred=centred))
+    nets, state, met = met_by_hand()
+    batch = lagrangian.make_batch(nets, state.cost_value, met, jnp.asarray(2.0), replace(CONFIG, centred=centred))
     mask, reward, cost, value = (np.asarray(x, np.float64) for x in (met.mask, met.reward, met.cost, met.value))
     cost_value = np.array(
-        [[nets.value(state.cost_value, stats, met.obs[n, t], jnp.asarray(t)) for t in range(6)] for n in range(2)]
+        [[nets.with_params(value=state.cost_value).value(met.obs[n, t], jnp.asarray(t)) for t in range(6)] for n in range(2)]
     )
     paid = 0.5 * (reward - centred * reward[mask > 0].mean())
     gain = np.array([gains(paid[n], value[n], mask[n], 0.8) for n in range(2)])
@@ -135,17 +137,17 @@ def test_a_batch_has_each_critics_target_and_one_advantage_of_both(centred):
 
 
 def test_the_loss_of_an_experts_training_is_over_unmasked_steps_with_both_critics():
-    nets, state, stats, met = met_by_hand()
-    batch = lagrangian.make_batch(nets, state, stats, met, jnp.asarray(2.0), CONFIG)
-    total, metrics = lagrangian.loss((state.policy, state.value, state.cost_value), nets, stats, batch, CONFIG.ppo)
+    nets, state, met = met_by_hand()
+    batch = lagrangian.make_batch(nets, state.cost_value, met, jnp.asarray(2.0), CONFIG)
+    total, metrics = lagrangian.loss((state.policy, state.value, state.cost_value), nets, batch, CONFIG.ppo)
     surrogate, errors, apart = [], [], []
     for i in np.flatnonzero(batch.mask):
-        seen = (stats, batch.obs[i], batch.t[i])
-        log_ratio = float(nets.policy(state.policy, *seen).log_prob(batch.action[i])) - float(batch.log_prob[i])
+        seen = (batch.obs[i], batch.t[i])
+        log_ratio = float(nets.policy(*seen).log_prob(batch.action[i])) - float(batch.log_prob[i])
         ratio, gain = np.exp(log_ratio), float(batch.advantage[i])
         surrogate.append(min(ratio * gain, np.clip(ratio, 0.9, 1.1) * gain))
-        wrong = float(nets.value(state.value, *seen)) - float(batch.target[i])
-        cost_wrong = float(nets.value(state.cost_value, *seen)) - float(batch.cost_target[i])
+        wrong = float(nets.value(*seen)) - float(batch.target[i])
+        cost_wrong = float(nets.with_params(value=state.cost_value).value(*seen)) - float(batch.cost_target[i])
         errors.append(wrong**2 + cost_wrong**2)
         apart.append(-log_ratio)
     expected = [np.mean(errors) / 2, np.mean(apart), -np.mean(surrogate) + 0.3 * np.mean(errors) / 2]

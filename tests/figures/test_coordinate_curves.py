@@ -32,7 +32,7 @@ def test_curves_sum_to_the_logit_up_to_a_constant(sees):
 
     obs = jnp.array([[0.3, -1.2], [0.9, 0.4]])
     action = jnp.array([[0.5, -0.7, 0.1], [-0.2, 0.6, 0.9]])
-    logit = jax.vmap(lambda *one: nets.step_logit(state.params.feasibility, state.obs_stats, *one))(obs, action)
+    logit = jax.vmap(lambda *one: nets.bind(state.params, state.obs_stats).step_logit(*one))(obs, action)
     points = {"state": obs, "action": action, "state_action": jnp.concatenate([obs, action], axis=1)}[sees]
     curves = curves_of(nets, state, points)
     assert curves.shape == points.shape

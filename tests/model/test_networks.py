@@ -18,7 +18,7 @@ def sequence_logit(encoder, obs, mask=None, method="aircl"):
     nets, params = tiny_networks(env, method, replace(TINY, encoder=encoder))
     mask = jnp.ones(len(obs)) if mask is None else mask
     actions = jnp.zeros(len(obs), jnp.int32)
-    return float(nets.sequence_logit(params.feasibility, unit_stats(env), jnp.asarray(obs, jnp.float32), actions, mask))
+    return float(nets.bind(params, unit_stats(env)).sequence_logit(jnp.asarray(obs, jnp.float32), actions, mask))
 
 
 @pytest.mark.parametrize("encoder", ENCODERS)
@@ -54,29 +54,27 @@ def test_smooth_minimum_is_minus_log_mean_exp_of_minus_the_unmasked_scores():
 
 def test_observations_are_normalised_by_the_experts_and_clipped():
     env = tiny_grid()
-    nets, _ = tiny_networks(env, "airl")
+    nets, params = tiny_networks(env, "airl")
     stats = ObsStats(jnp.full(9, 2.0), jnp.asarray([0.5] * 8 + [0.0]))
     obs = jnp.asarray([3.0, 1.0, 200.0] + [2.0] * 6)
-    np.testing.assert_allclose(nets.normalise(stats, obs), [2.0, -2.0, OBS_CLIP] + [0.0] * 6)
+    np.testing.assert_allclose(nets.bind(params, stats).normalise(obs), [2.0, -2.0, OBS_CLIP] + [0.0] * 6)
 
 
 def test_reward_is_blind_to_time_and_policy_is_not():
     env = tiny_grid()
     nets, params = tiny_networks(env, "airl")
     obs, stats = jnp.eye(9)[3], unit_stats(env)
-    first, last = (nets.policy(params.policy, stats, obs, jnp.asarray(t)).log_prob(jnp.asarray(1)) for t in (0, 3))
+    first, last = (nets.bind(params, stats).policy(obs, jnp.asarray(t)).log_prob(jnp.asarray(1)) for t in (0, 3))
     assert first != last
-    assert nets.acting_input(stats, obs, jnp.asarray(2))[-1] == 2 / env.horizon
+    assert nets.bind(params, stats).acting_input(obs, jnp.asarray(2))[-1] == 2 / env.horizon
 
 
 def test_log_pi_is_the_log_probability_of_each_step():
     env = tiny_grid()
     nets, params = tiny_networks(env, "airl")
     one = jax.tree.map(lambda leaf: leaf[0], random_trajectories(env, 0, 1))
-    expected = [
-        nets.policy(params.policy, unit_stats(env), one.obs[t], jnp.asarray(t)).log_prob(one.action[t]) for t in range(4)
-    ]
-    np.testing.assert_allclose(nets.log_pi(params, unit_stats(env), one), expected, rtol=1e-6)
+    expected = [nets.bind(params, unit_stats(env)).policy(one.obs[t], jnp.asarray(t)).log_prob(one.action[t]) for t in range(4)]
+    np.testing.assert_allclose(nets.bind(params, unit_stats(env)).log_pi(one), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(("name", "settings"), [("meerkat", {"data": "simulated"}), ("labyrinth", {"data": "simulated"})])
@@ -93,8 +91,8 @@ def test_tables_of_an_enumerated_world_give_what_the_networks_give_step_by_step(
         nets = make_networks(env, METHODS["aircl_corrected"], TINY)
 
         def total(params):
-            scores = nets.scores(params, stats, one, nets.log_pi(params, stats, one))
-            values = nets.values(params, stats, one)
+            scores = nets.bind(params, stats).scores(one, nets.bind(params, stats).log_pi(one))
+            values = nets.bind(params, stats).values(one)
             return (scores.f * scores.log_pi + values * scores.step_logit + scores.sequence_logit).sum(), (scores, values)
 
         return jax.grad(total, has_aux=True)(params)
@@ -110,7 +108,7 @@ def test_a_world_whose_policy_sees_time_has_no_tables_of_pairs():
 def test_log_pi_of_a_box_is_a_diagonal_gaussians():
     env = one_state_env(lambda t, action: action.sum(), action_space=Box(2))
     nets, params = tiny_networks(env, "airl")
-    policy = nets.policy(params.policy, unit_stats(env), jnp.eye(2)[0], jnp.asarray(0))
+    policy = nets.bind(params, unit_stats(env)).policy(jnp.eye(2)[0], jnp.asarray(0))
     action, mean, std = np.array([0.4, -3.0]), np.asarray(policy.mean()), np.exp(TINY.ppo.log_std_init)
     expected = (-0.5 * ((action - mean) / std) ** 2 - np.log(std) - 0.5 * np.log(2 * np.pi)).sum()
     np.testing.assert_allclose(policy.log_prob(jnp.asarray(action)), expected, rtol=1e-5)
@@ -119,8 +117,8 @@ def test_log_pi_of_a_box_is_a_diagonal_gaussians():
 def test_reward_sees_actions_as_the_box_clips_them():
     env = one_state_env(lambda t, action: action.sum(), action_space=Box(1, -1.0, 1.0))
     nets, params = tiny_networks(env, "airl")
-    along = (params.reward, unit_stats(env), jnp.eye(2)[0])
-    assert nets.reward(*along, jnp.asarray([1.0])) == nets.reward(*along, jnp.asarray([7.0]))
+    bound, obs = nets.bind(params, unit_stats(env)), jnp.eye(2)[0]
+    assert bound.reward(obs, jnp.asarray([1.0])) == bound.reward(obs, jnp.asarray([7.0]))
 
 
 def test_a_bounded_reward_is_the_same_near_zero_and_never_beyond_the_bound():
@@ -128,9 +126,9 @@ def test_a_bounded_reward_is_the_same_near_zero_and_never_beyond_the_bound():
     free, params = tiny_networks(env, "airl")
     bounded, _ = tiny_networks(env, "airl", replace(TINY, reward_bound=2.0))
     params = params._replace(reward=jax.tree.map(lambda leaf: 30.0 * leaf, params.reward))
-    along = (unit_stats(env), jnp.eye(9)[3], jnp.asarray(1))
-    f = free.reward(params.reward, *along)
-    np.testing.assert_allclose(bounded.reward(params.reward, *along), 2.0 * np.tanh(f / 2.0), rtol=1e-6)
+    stats, along = unit_stats(env), (jnp.eye(9)[3], jnp.asarray(1))
+    f = free.bind(params, stats).reward(*along)
+    np.testing.assert_allclose(bounded.bind(params, stats).reward(*along), 2.0 * np.tanh(f / 2.0), rtol=1e-6)
     assert abs(f) > 2.0
 
 
@@ -139,7 +137,7 @@ def test_scores_without_a_feasibility_have_zero_logits(name):
     env = tiny_grid()
     nets, params = tiny_networks(env, name)
     one = jax.tree.map(lambda leaf: leaf[0], random_trajectories(env, 0, 1))
-    scores = nets.scores(params, unit_stats(env), one, one.log_prob)
+    scores = nets.bind(params, unit_stats(env)).scores(one, one.log_prob)
     assert bool((scores.step_logit != 0).any()) == ("step" in nets.method.feasibility)
     assert bool(scores.sequence_logit != 0) == ("sequence" in nets.method.feasibility)
 
@@ -160,7 +158,7 @@ def test_feasibility_is_a_function_of_what_the_settings_say(sees, moves):
     nets, params = tiny_networks(env, "aircl_corrected", replace(TINY, constraint_input=sees))
 
     def logit(obs, action):
-        return float(nets.step_logit(params.feasibility, unit_stats(env), jnp.eye(2)[obs], jnp.full(2, action)))
+        return float(nets.bind(params, unit_stats(env)).step_logit(jnp.eye(2)[obs], jnp.full(2, action)))
 
     assert (logit(0, 0.1) != logit(1, 0.1), logit(0, 0.1) != logit(0, 0.9)) == moves
 
@@ -179,7 +177,7 @@ def test_additive_step_feasibility_is_a_sum_over_coordinates():
     nets, params = tiny_networks(env, "aircl_corrected", replace(TINY, step_network="additive"))
 
     def logit(*action):
-        return float(nets.step_logit(params.feasibility, unit_stats(env), jnp.eye(2)[0], jnp.asarray(action)))
+        return float(nets.bind(params, unit_stats(env)).step_logit(jnp.eye(2)[0], jnp.asarray(action)))
 
     np.testing.assert_allclose(logit(0.5, 0.7) - logit(0.5, -0.2), logit(-0.9, 0.7) - logit(-0.9, -0.2), rtol=1e-4)
     assert abs(logit(0.5, 0.7) - logit(0.5, -0.2)) > 1e-4

@@ -10,7 +10,7 @@ from jaxtyping import PRNGKeyArray
 from aircl_jax.algorithm.learners.lagrangian import (
     LagrangianState,
     Moments,
-    acting_params,
+    bound,
     lagrangian_advantage,
     make_lagrangian,
     next_multiplier,
@@ -121,7 +121,7 @@ def test_altered_multiplies_mean_and_noise():
     changed = altered(state.policy, mean=1.5, noise=2.0)
 
     def act(policy):
-        return training.nets.policy(policy, observation_stats(state), jnp.ones(world.obs_size), jnp.asarray(0))
+        return bound(training.nets, state._replace(policy=policy)).policy(jnp.ones(world.obs_size), jnp.asarray(0))
 
     np.testing.assert_allclose(act(changed).mean(), 1.5 * act(state.policy).mean(), rtol=1e-5)
     np.testing.assert_allclose(act(changed).stddev(), 2.0 * act(state.policy).stddev(), rtol=1e-5)
@@ -188,7 +188,7 @@ def test_the_best_gaussian_under_a_limit_stays_a_few_sigma_below_it_and_without_
     def train(key, constrained):
         start = training.init(key)
         state, _ = jax.lax.scan(lambda state, _: training.step(state, constrained), start, length=CONFIG.iterations)
-        return rollouts(world, training.nets, acting_params(state), observation_stats(state), key, 500)
+        return rollouts(bound(training.nets, state), key, 500, world)
 
     episodes = train(jax.random.split(jax.random.key(0)), jnp.asarray([1.0, 0.0]))
     held, free = episodes.action.mean(axis=(1, 2, 3))

@@ -109,7 +109,8 @@ def test_log_std_is_projected_after_the_update_and_keeps_its_gradient_at_the_bou
 
     def log_prob(log_std):
         policy = {"params": {**params.policy["params"], "log_std": log_std}}
-        return nets.policy(policy, unit_stats(env), jnp.zeros(2), jnp.asarray(0)).log_prob(jnp.asarray([0.3]))
+        bound = nets.bind(params._replace(policy=policy), unit_stats(env))
+        return bound.policy(jnp.zeros(2), jnp.asarray(0)).log_prob(jnp.asarray([0.3]))
 
     at_bound = jnp.zeros(1)
     assert project_log_std({"params": {"log_std": at_bound + 0.4}}, config)["params"]["log_std"] == 0.0

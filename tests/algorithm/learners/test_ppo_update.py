@@ -24,7 +24,7 @@ RANDOM = np.random.default_rng(5)
 POLICY = random_trajectories(GRID, 1, NUMBER)._replace(
     value=jnp.asarray(RANDOM.normal(size=(NUMBER, 4))), bootstrap=jnp.asarray(RANDOM.normal(size=NUMBER))
 )
-REWARD, CREDIT = jnp.asarray(RANDOM.normal(size=(NUMBER, 4))), jnp.asarray(3.0 * RANDOM.normal(size=NUMBER))
+REWARD, BONUS = jnp.asarray(RANDOM.normal(size=(NUMBER, 4))), jnp.asarray(3.0 * RANDOM.normal(size=NUMBER))
 NETS, PARAMS = tiny_networks(GRID, KNOWN_REWARD)
 LENGTHS = [int(length) for length in POLICY.mask.sum(axis=1)]
 
@@ -35,7 +35,7 @@ def updated(epochs: int) -> tuple[Params, Metrics]:
     start = ppo.make_optimiser(config).init((PARAMS.policy, PARAMS.value))
 
     def run(params: Params) -> tuple[Params, Any, Metrics]:
-        return ppo.update(NETS, params, start, STATS, POLICY, REWARD, CREDIT, jax.random.key(0), config)
+        return ppo.update(NETS.bind(params, STATS), start, POLICY, REWARD, BONUS, jax.random.key(0), config)
 
     after, _, metrics = jax.jit(run)(PARAMS)
     return after, metrics
@@ -53,17 +53,15 @@ def advantages() -> list[np.ndarray]:
 
 def by_hand(params: Params) -> Metrics:
     """What an update on all episodes at once reports of these parameters."""
-    plain = advantages()
-    credited = np.concatenate([gain + float(CREDIT[n]) for n, gain in enumerate(plain)])
-    gain = (credited - credited.mean()) / credited.std()
+    plain, nets = advantages(), NETS.bind(params, STATS)
+    rewarded = np.concatenate([gain + float(BONUS[n]) for n, gain in enumerate(plain)])
+    gain = (rewarded - rewarded.mean()) / rewarded.std()
     steps = [(n, t) for n, length in enumerate(LENGTHS) for t in range(length)]
     see = [(POLICY.obs[n, t], jnp.asarray(t)) for n, t in steps]
-    new = np.array(
-        [NETS.policy(params.policy, STATS, *seen).log_prob(POLICY.action[at]) for seen, at in zip(see, steps, strict=True)]
-    )
+    new = np.array([nets.policy(*seen).log_prob(POLICY.action[at]) for seen, at in zip(see, steps, strict=True)])
     old = np.array([POLICY.log_prob[at] for at in steps])
     ratio = np.exp(new - old)
-    value = np.array([NETS.value(params.value, STATS, *seen) for seen in see])
+    value = np.array([nets.value(*seen) for seen in see])
     target = np.concatenate([gain + np.asarray(POLICY.value[n, : len(gain)]) for n, gain in enumerate(plain)])
     assert 0 < (abs(ratio - 1) > 0.2).mean() < 1
     return {
@@ -92,7 +90,7 @@ def test_an_update_makes_what_paid_likelier_and_the_value_truer():
 
 def test_the_loss_is_that_of_the_policy_and_the_weighted_one_of_the_critic():
     batch = ppo.Batch(POLICY, advantage=REWARD, target=REWARD)
-    total, metrics = ppo.loss(NETS, PARAMS, STATS, batch, CONFIG)
+    total, metrics = ppo.loss(NETS.bind(PARAMS, STATS), batch, CONFIG)
     np.testing.assert_allclose(total, metrics["policy_loss"] + 0.3 * metrics["value_loss"], rtol=1e-5)
 
 
@@ -108,7 +106,7 @@ def test_an_epoch_has_an_order_of_its_own(monkeypatch):
     monkeypatch.setattr(ppo, "epoch_order", noted)
     config = replace(CONFIG, num_epochs=3, minibatch_size=4)
     start = ppo.make_optimiser(config).init((PARAMS.policy, PARAMS.value))
-    ppo.update(NETS, PARAMS, start, STATS, POLICY, REWARD, CREDIT, jax.random.key(0), config)
+    ppo.update(NETS.bind(PARAMS, STATS), start, POLICY, REWARD, BONUS, jax.random.key(0), config)
     jax.effects_barrier()
     assert len(set(orders)) == 3
 
@@ -120,5 +118,5 @@ def test_log_std_of_an_updated_policy_is_kept_in_its_bounds():
     far = random_trajectories(env, 0, 2)._replace(action=jnp.asarray([[[0.0]], [[2.0]]]), log_prob=jnp.full((2, 1), -2.0))
     start = ppo.make_optimiser(config).init((params.policy, params.value))
     paid = jnp.asarray([[0.0], [1.0]])  # for what lies far out: σ would rise
-    after, _, _ = ppo.update(nets, params, start, unit_stats(env), far, paid, jnp.zeros(2), jax.random.key(0), config)
+    after, _, _ = ppo.update(nets.bind(params, unit_stats(env)), start, far, paid, jnp.zeros(2), jax.random.key(0), config)
     assert after.policy["params"]["log_std"] == -0.5

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from aircl_jax.algorithm.scoring import Drawn
 from aircl_jax.analysis.causal import Links
 from experiments.figure4 import cells, held_out
 from experiments.figure4.cells import Settings, Study
@@ -80,16 +81,13 @@ class State(NamedTuple):
 
 def test_windows_of_q_are_drawn_by_delta_from_a_pool_and_those_of_the_policy_are_its_first_episodes(monkeypatch):
     pool = random_trajectories(tiny_grid(), 0, cells.POOL * 2)
-    config = SimpleNamespace(adversary=SimpleNamespace(sampler="mine"))
-    nets = SimpleNamespace(env=None, method=SimpleNamespace(sampled_from="pool"), config=config)
+    nets = SimpleNamespace(method=SimpleNamespace(draws=True), bind=lambda params, stats: None)
 
-    def drawn(log_delta, number, key):
-        assert (log_delta.shape, number) == ((8,), 2)
-        return jnp.argsort(-log_delta)[:number]
+    def drawn(nets, key_rollout, key_sampler, size, number):
+        assert (size, number) == (8, 2)
+        return Drawn(pool, jnp.arange(8.0), jnp.asarray([7, 6]))
 
-    monkeypatch.setitem(cells.SAMPLERS, "mine", cast(Any, drawn))
-    monkeypatch.setattr(cells, "rollouts", lambda env, nets, params, stats, key, number: pool)
-    monkeypatch.setattr(cells, "trajectory_feasibility", lambda nets, params, stats, one: jnp.arange(8.0))
+    monkeypatch.setattr(cells, "roll_out_and_draw", drawn)
     result = SimpleNamespace(
         networks=nets, summary={"seeds": [5]}, state=lambda index: State(jax.random.key(0), jnp.asarray(1))
     )
@@ -97,7 +95,7 @@ def test_windows_of_q_are_drawn_by_delta_from_a_pool_and_those_of_the_policy_are
     codes = np.asarray(pool.obs).argmax(axis=-1)
     assert found["policy"].tolist() == [codes[:2].tolist()]
     assert found["sampled"].tolist() == [codes[[7, 6]].tolist()]
-    nets.method.sampled_from = "policy"
+    nets.method.draws = False
     same = cells.generate(cast(Any, result), 2)
     assert same["sampled"].tolist() == same["policy"].tolist() == [codes[:2].tolist()]
 
