@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Causal link strengths of code sequences by tigramite's PCMCI with partial correlation, and their yardsticks.
+"""Measure causal links of code sequences by tigramite's PCMCI with partial correlation, and the yardsticks beside them.
 
 This file alone is under the GPL, because `CachedParCorr` subclasses tigramite's `CondIndTest`; nothing else in the
 library imports it.

@@ -1,4 +1,4 @@
-"""How far animals move in a behaviour transition, and whether long transitions are more frequent than a falling trend.
+"""Measure how far animals move in a behaviour transition, and test for more long transitions than a falling trend has.
 
 The paper's Section 6 reads an inflexion off the histogram of these distances. Here the largest rise of the histogram is
 tested against a monotone trend, over recordings, and against ends shuffled among the transitions of a recording.

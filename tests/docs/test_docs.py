@@ -127,6 +127,12 @@ def test_every_link_within_the_project_leads_to_a_file_and_a_heading(page):
         assert not anchor or anchor in headings(file), target
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_and_folder_of_the_tree_that_a_page_names_exists(page):
+    named = re.findall(r"`((?:aircl_jax|envs|experiments|tests|results)/[\w/.]*?(?:\.py|/))(?=[`:])", (ROOT / page).read_text())
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
 def headings(page: Path) -> list[str]:
     """The anchors of a page's headings, as GitHub makes them."""
     titles = re.findall(r"^#+ (.+)$", page.read_text(), flags=re.MULTILINE)

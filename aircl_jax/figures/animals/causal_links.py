@@ -53,7 +53,7 @@ def link_maps(own: Float[np.ndarray, "C C"], apart: Mapping[str, Float[np.ndarra
 
 
 def differences(methods: Mapping[str, Sequence[float]], yardsticks: Mapping[str, Sequence[float]]) -> Figure:
-    """Draw mean |ΔV| of every method, a dot for each seed, the yardsticks, and lines at the noise floor and at 1.25 of it."""
+    """Draw mean |ΔV| of every method, a dot for each seed, the yardsticks, and lines at 1 and 1.25 noise floors."""
     names = [*methods, *yardsticks]
     values = [np.asarray(seeds, float) for seeds in (*methods.values(), *yardsticks.values())]
     figure = Figure(figsize=(4.4, 0.55 + 0.2 * len(names)), layout="constrained")
