@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Causal link strengths of code sequences by tigramite's PCMCI with partial correlation, and their yardsticks.
+"""Measure causal links of code sequences by tigramite's PCMCI with partial correlation, and the yardsticks beside them.
 
 This file alone is under the GPL, because `CachedParCorr` subclasses tigramite's `CondIndTest`; nothing else in the
 library imports it.
@@ -76,7 +76,7 @@ class CachedParCorr(CondIndTest):
         cut_off: str = "2xtau_max",
         alpha_or_thres: float | None = None,
     ) -> tuple[float, float] | tuple[float, float, bool]:
-        """Value and p of X ⟂ Y | Z, and the decision p ≤ α if one is given. Raises ValueError for another cut-off."""
+        """Test X ⟂ Y | Z: value and p, and the decision p ≤ α if one is given. Raises ValueError for another cut-off."""
         if cut_off != "2xtau_max":
             raise ValueError(f"unknown cut_off {cut_off!r}; CachedParCorr has only '2xtau_max'")
         if self.lags != 2 * tau_max:
@@ -110,7 +110,7 @@ class CachedParCorr(CondIndTest):
 
 
 def link_strengths(windows: Int[np.ndarray, "N T"], num_codes: int, tau_max: int = 1, test: CondIndTest | None = None) -> Links:
-    """PCMCI over one-hot codes, each window its own sample (tigramite's `analysis_mode="multiple"`).
+    """Run PCMCI over one-hot codes, each window its own sample (tigramite's `analysis_mode="multiple"`).
 
     Runge et al. 2019; settings of Gendron et al. 2024. Raises ValueError for codes outside 0 … num_codes − 1 and
     for windows of at most 2 τ_max steps.
@@ -127,23 +127,23 @@ def link_strengths(windows: Int[np.ndarray, "N T"], num_codes: int, tau_max: int
 
 
 def strongest(links: Links) -> Float[np.ndarray, "C C"]:
-    """V: the value of the lag with the largest |value| over τ = 1 … τ_max, for each pair of codes."""
+    """Take V, the value of the lag with the largest |value| over τ = 1 … τ_max, for each pair of codes."""
     lagged = links.value[:, :, 1:]
     return np.take_along_axis(lagged, np.abs(lagged).argmax(axis=2)[:, :, None], axis=2)[:, :, 0]
 
 
 def difference(ours: Links, real: Links) -> Float[np.ndarray, "C C"]:
-    """|ΔV| of two analyses, as drawn in the paper's Figure 4."""
+    """Compute |ΔV| of two analyses, as drawn in the paper's Figure 4."""
     return np.abs(strongest(ours) - strongest(real))
 
 
 def mean_difference(ours: Links, real: Links) -> float:
-    """Mean of |ΔV| over all pairs of codes."""
+    """Average |ΔV| over all pairs of codes."""
     return float(difference(ours, real).mean())
 
 
 def halves(windows: Int[np.ndarray, "N T"], seed: int) -> tuple[Int[np.ndarray, "A T"], Int[np.ndarray, "B T"]]:
-    """Two random halves of the windows: what sampling alone makes differ."""
+    """Split the windows into two random halves, which differ by sampling alone."""
     order = np.random.default_rng(seed).permutation(len(windows))
     return windows[order[: len(order) // 2]], windows[order[len(order) // 2 :]]
 
@@ -151,7 +151,7 @@ def halves(windows: Int[np.ndarray, "N T"], seed: int) -> tuple[Int[np.ndarray, 
 def markov_chain(
     windows: Int[np.ndarray, "N T"], num_codes: int, smoothing: float = 0.0
 ) -> tuple[Float[np.ndarray, " C"], Float[np.ndarray, "C C"]]:
-    """Start distribution and P(c'|c) = (n_cc' + s) / Σ_k (n_ck + s) of a first-order chain; a code never left stays."""
+    """Fit the start and P(c'|c) = (n_cc' + s) / Σ_k (n_ck + s) of a first-order chain; a code never left stays."""
     start = np.bincount(windows[:, 0], minlength=num_codes) / len(windows)
     counts = np.zeros((num_codes, num_codes))
     np.add.at(counts, (windows[:, :-1].ravel(), windows[:, 1:].ravel()), 1.0)
@@ -164,7 +164,7 @@ def markov_chain(
 def sample_chain(
     start: Float[np.ndarray, " C"], transition: Float[np.ndarray, "C C"], num_windows: int, length: int, seed: int
 ) -> Int[np.ndarray, "N T"]:
-    """Windows of a Markov chain by inversion of its cumulative distribution, N at once."""
+    """Draw N windows of a Markov chain at once, by inversion of its cumulative distribution."""
     generator = np.random.default_rng(seed)
     cumulative = np.cumsum(transition, axis=1)
     codes = np.empty((num_windows, length), dtype=np.int64)
@@ -176,12 +176,12 @@ def sample_chain(
 
 
 def uniform_windows(num_windows: int, length: int, num_codes: int, seed: int) -> Int[np.ndarray, "N T"]:
-    """Codes drawn uniformly and independently: the worst yardstick."""
+    """Draw codes uniformly and independently: the worst yardstick."""
     return np.random.default_rng(seed).integers(num_codes, size=(num_windows, length))
 
 
 def yardsticks(windows: Int[np.ndarray, "N T"], num_codes: int, tau_max: int, seed: int) -> dict[str, float]:
-    """Mean |ΔV| that a method is to be read beside, all on windows of the size of the real ones.
+    """Compute the mean |ΔV| to read a method's beside, on as many windows as the real ones.
 
     `halves` compares two halves; `noise_floor` = halves / √2 is the same at full size against a perfect model: the
     halves differ with variance 2 · 2σ², a full-size sample differs from the real one with 2σ².

@@ -1,4 +1,4 @@
-"""What each coordinate adds to an additive δ₁: of which of them the constraint speaks, and from where on."""
+"""Compute what each coordinate adds to an additive δ₁: which coordinates the constraint depends on, and where its limit is."""
 
 from typing import Any, NamedTuple
 
@@ -13,26 +13,26 @@ from aircl_jax.runs.result import Result
 from aircl_jax.types import TrainState, Trajectory
 from envs import Box
 
-POINTS = 121  # of each curve
-SHARE = 0.001  # of the steps left out at either end of the span that is shown
+POINTS = 121  # points of each curve
+SHARE = 0.001  # share of the steps left out at either end of the span that is shown
 
 
 class Contributions(NamedTuple):
-    """Curves of every seed over the span of demonstrations and policy, and where the demonstrations are."""
+    """Curves of every seed over the span of demonstrations and policy, and the demonstrated steps."""
 
-    names: tuple[str, ...]  # of the I coordinates and actions that δ₁ sees
+    names: tuple[str, ...]  # of the I coordinates and actions in the input of δ₁
     grid: Float[np.ndarray, "K I"]
     curves: Float[np.ndarray, "S K I"]  # g_i(x_i) − mean_E g_i
     seen: Float[np.ndarray, "N I"]  # the demonstrated steps
 
 
 def is_additive(result: Result) -> bool:
-    """Whether δ₁ is a sum over coordinates, so that each has a curve of its own."""
+    """Say whether δ₁ is a sum over coordinates, so that each coordinate has a curve of its own."""
     return isinstance(result.networks.step_net, AdditiveNet) and result.plan.method.tests_steps
 
 
 def contributions(result: Result, policy: Trajectory) -> Contributions:
-    """g_i(x_i) − mean_E g_i of all that δ₁ sees of a step, over the span of D_E and of π's episodes [S, N, T, …]."""
+    """Compute g_i(x_i) − mean_E g_i for each input of δ₁, over the span of D_E and of π's episodes [S, N, T, …]."""
     nets, env = result.networks, result.plan.env
     space = env.action_space
     kept = np.asarray(result.expert.mask[0]) > 0
@@ -55,7 +55,7 @@ def contributions(result: Result, policy: Trajectory) -> Contributions:
 
 
 def curves_of(nets: Networks, state: TrainState, points: Float[Array, "K I"]) -> Float[Array, "K I"]:
-    """The logit with coordinate i at each of its points and the others at D_E's mean, less that of the mean itself."""
+    """Compute the logit with coordinate i at each of its points and the others at D_E's mean, less the logit at the mean."""
     bound, number = nets.bind(state.params, state.obs_stats), nets.env.obs_size
     features = points
     if nets.feasibility_sees_state:

@@ -1,4 +1,4 @@
-"""What the figures show of a finished run, computed from its states: fresh episodes, their δ̄, and a grid's maps."""
+"""Compute what the figures show of a finished run from its states: fresh episodes, their δ̄, and a grid's maps."""
 
 from functools import partial
 from typing import NamedTuple
@@ -16,13 +16,13 @@ from aircl_jax.runs.result import Result
 from aircl_jax.types import FeasibilityScores, TrainState, Trajectory
 from envs import Env, Tabular
 
-MAX_EPISODES = 200  # fresh ones of each seed's policy: enough for a picture
-ONCE = {"xla_backend_optimization_level": 0}  # compiles faster, for what runs once and is small
-KEY_FIGURES = 1  # folded into a state's key: other episodes than the evaluation's
+MAX_EPISODES = 200  # fresh episodes of each seed's policy: enough for a picture
+ONCE = {"xla_backend_optimization_level": 0}  # for small programs that run once: compiles faster
+KEY_FIGURES = 1  # folded into a state's key, so that the episodes differ from the evaluation's
 
 
 class Evidence(NamedTuple):
-    """Of every seed: fresh episodes of π, draws of q among them, and δ̄ of π's episodes and of the reference set."""
+    """Fresh episodes of π of every seed, draws of q among them, and δ̄ of π's episodes and of the reference set."""
 
     policy: Trajectory  # [S, N, T, …]
     sampled: Trajectory  # [S, N, T, …]
@@ -31,7 +31,7 @@ class Evidence(NamedTuple):
 
 
 class GridEvidence(NamedTuple):
-    """Of every seed: f(c, a), δ₁(c, a), and how often π is in each cell c, exactly; and the expert's occupancy."""
+    """f(c, a), δ₁(c, a) and the exact share of time that π is in each cell c, of every seed; and the expert's occupancy."""
 
     reward: Float[np.ndarray, "S C A"]
     step_delta: Float[np.ndarray, "S C A"]
@@ -40,7 +40,7 @@ class GridEvidence(NamedTuple):
 
 
 def gather(result: Result) -> Evidence:
-    """Roll out, score and draw, all seeds at once."""
+    """Roll out π, score its episodes and draw q, all seeds at once."""
     one_seed = partial(_evidence, result.networks, min(MAX_EPISODES, result.plan.config.num_evaluation))
     options = ONCE if result.plan.env.tabular is not None else None
     run = jax.jit(jax.vmap(one_seed, (0, None)), compiler_options=options)
@@ -48,7 +48,7 @@ def gather(result: Result) -> Evidence:
 
 
 def gather_grid(result: Result, table: Tabular) -> GridEvidence:
-    """The maps of a world whose observations are one-hot; recordings, and one's own, stand for the exact expert."""
+    """Make the maps of a one-hot world; demonstrations from a file or from recordings stand for the exact expert."""
     maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)), compiler_options=ONCE)(result.states)
     if result.plan.own is None and result.plan.env.recorded is None:
         seen = jax.jit(partial(_expert_occupancy, result.plan.env, table), compiler_options=ONCE)()
@@ -58,7 +58,7 @@ def gather_grid(result: Result, table: Tabular) -> GridEvidence:
 
 
 def infeasible(trajectories: Trajectory) -> Bool[np.ndarray, "*S N"]:
-    """Which trajectories have a violation in any unmasked step."""
+    """Mark the trajectories that have a violation in any unmasked step."""
     return np.asarray((np.asarray(trajectories.cost) * np.asarray(trajectories.mask)).max(axis=-1) > 0)
 
 

@@ -1,4 +1,4 @@
-"""What a run recovered, by pair of code and next code or of node and move: in numbers, ranks and plain words."""
+"""Compute what a run recovered for each pair of code and next code, or of node and move: values, ranks and their agreement."""
 
 from functools import partial
 from itertools import combinations
@@ -16,13 +16,13 @@ from aircl_jax.runs.result import Result
 from aircl_jax.types import TrainState
 from envs import Codes, Tabular
 
-LEAST_SEEN = 5  # cases of a change that is ranked
-LEAST_EXPECTED = 5.0  # cases that chance would give of a change whose absence says something
+LEAST_SEEN = 5  # a change with fewer cases is not ranked
+LEAST_EXPECTED = 5.0  # a change that chance would show less often is not judged by its absence
 AVOIDED_BELOW = 0.5  # δ under which a change counts as avoided
 
 
 class Recovered(NamedTuple):
-    """Of every seed, f less its mean over D_E, δ₁ and log π; and how often D_E has the pair. NaN where not learned."""
+    """f less its mean over D_E, δ₁ and log π of every seed, and how often D_E has the pair. NaN where not learned."""
 
     reward: Float[np.ndarray, "S C A"]
     delta: Float[np.ndarray, "S C A"]
@@ -31,7 +31,7 @@ class Recovered(NamedTuple):
 
 
 def recover(result: Result, table: Tabular) -> Recovered:
-    """The learned functions over all pairs of a world whose observations are one-hot."""
+    """Evaluate the learned functions on all pairs of a world whose observations are one-hot."""
     found, expert, method = gather_grid(result, table), result.expert, result.plan.method
     log_policy = jax.jit(jax.vmap(partial(_log_policy, result.networks)), compiler_options=ONCE)(result.states)
     first = np.asarray(expert.obs[0]).argmax(axis=-1), np.asarray(expert.action[0])
@@ -48,7 +48,7 @@ def recover(result: Result, table: Tabular) -> Recovered:
 
 
 def _log_policy(networks: Networks, state: TrainState) -> Float[Array, "C A"]:
-    """log π(a|s) at t = 0; in these worlds π does not see t."""
+    """Evaluate log π(a|s) at t = 0; in these worlds π does not see t."""
     nets = networks.bind(state.params, state.obs_stats)
     actions = jnp.arange(nets.env.action_space.feature_size)
 
@@ -60,26 +60,26 @@ def _log_policy(networks: Networks, state: TrainState) -> Float[Array, "C A"]:
 
 
 def rank_agreement(values: Float[np.ndarray, "S K"]) -> Float[np.ndarray, " P"]:
-    """Spearman's rank correlation of every pair of seeds; empty with one seed."""
+    """Compute Spearman's rank correlation of every pair of seeds; empty with one seed."""
     pairs = combinations(range(len(values)), 2)
     ranks = rankdata(values, axis=1)
     return np.array([np.corrcoef(ranks[one], ranks[other])[0, 1] for one, other in pairs])
 
 
 def changes(seen: Int[np.ndarray, "C C"]) -> Int[np.ndarray, "C C"]:
-    """The counts without what goes on as it is."""
+    """Set the counts of pairs of a code with itself to 0."""
     return np.where(np.eye(len(seen), dtype=bool), 0, seen)
 
 
 def beginning(recovered: Recovered) -> Float[np.ndarray, "S C"]:
-    """Mean reward of beginning each code, over the changes to it as D_E has them; NaN where it never begins."""
+    """Average the reward over the changes to each code, weighted as in D_E; NaN where a code never begins."""
     weight = changes(recovered.seen)
     total = weight.sum(axis=0)
     return np.where(total > 0, (recovered.reward * weight).sum(axis=1) / np.maximum(total, 1), np.nan)
 
 
 def expected(seen: Int[np.ndarray, "C C"], impossible: Bool[np.ndarray, "C C"]) -> Float[np.ndarray, "C C"]:
-    """Cases of each change if the next code were drawn by how often it begins, among those that are possible."""
+    """Count the cases of each change that chance would give: the next possible code drawn by how often it begins."""
     weight = changes(seen)
     share = np.where(impossible | np.eye(len(seen), dtype=bool), 0.0, weight.sum(axis=0))
     total = share.sum(axis=1, keepdims=True)
@@ -87,14 +87,14 @@ def expected(seen: Int[np.ndarray, "C C"], impossible: Bool[np.ndarray, "C C"]) 
 
 
 def avoided(recovered: Recovered, codes: Codes) -> list[tuple[int, int]]:
-    """Changes with a mean δ₁ under a half that chance would have shown often enough, least δ₁ first."""
+    """List the changes with a mean δ₁ below ½ that chance would have shown often enough, least δ₁ first."""
     chance, delta = expected(recovered.seen, codes.impossible), recovered.delta.mean(axis=0)
     listed = _pairs((chance >= LEAST_EXPECTED) & (delta < AVOIDED_BELOW))
     return sorted(listed, key=lambda pair: (delta[pair], -chance[pair]))
 
 
 def rewarding(recovered: Recovered) -> list[tuple[int, int]]:
-    """Changes seen often enough, greatest mean reward first."""
+    """List the changes seen often enough, greatest mean reward first."""
     reward = recovered.reward.mean(axis=0)
     return sorted(_pairs(changes(recovered.seen) >= LEAST_SEEN), key=lambda pair: -reward[pair])
 

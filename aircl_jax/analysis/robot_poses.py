@@ -1,4 +1,4 @@
-"""From a robot's observations to its links in their plane, by the body's compiled model."""
+"""Compute the places of a robot's links in their plane from its observations, by the body's compiled model."""
 
 import importlib
 from collections.abc import Mapping
@@ -17,13 +17,13 @@ Vectors = Float[np.ndarray, "N T V"]
 
 
 class Stage(NamedTuple):
-    """What does not move: how thick the links are, what they move along. Lengths in m, time in s."""
+    """What stays the same over an episode: the links' radii, the floor, the rail. Lengths in m, time in s."""
 
-    dt: float  # of one control step
+    dt: float  # duration of one control step
     axes: tuple[str, str]  # across and up
-    radius: Float[np.ndarray, " G"]  # of each link, a capsule
-    branch: Int[np.ndarray, " G"]  # 0, or 1 for the links of a second limb, to be told apart
-    floor: float | None  # its height
+    radius: Float[np.ndarray, " G"]  # radius of each link, a capsule
+    branch: Int[np.ndarray, " G"]  # 1 for the links of a second limb, 0 for all others
+    floor: float | None  # height of the floor
     rail: tuple[float, float] | None  # ends of a sliding joint's range
 
 
@@ -36,7 +36,7 @@ class Body(NamedTuple):
 
 
 def make_body(name: str, settings: Mapping[str, Any]) -> Body:
-    """The body of a run's settings `env`. Raises ValueError where the world is no robot."""
+    """Make the body of a run's settings `env`. Raises ValueError where the world is not a robot."""
     if name not in ROBOTS:
         raise ValueError(f"env={name} has no body to draw; choose from {', '.join(ROBOTS)}")
     robot = ROBOTS[name]
@@ -46,13 +46,13 @@ def make_body(name: str, settings: Mapping[str, Any]) -> Body:
 
 
 def unobserved(body: Body) -> list[str]:
-    """The names of the joints whose position the task hides."""
+    """Name the joints whose position the task hides."""
     hidden = ~_selection(body).qpos.any(axis=0)
     return [body.model.joint(int(joint)).name for joint in np.flatnonzero(hidden)]
 
 
 def positions(body: Body, obs: Float[np.ndarray, "N T O"]) -> Vectors:
-    """qpos of every step; what is not observed is summed from its velocity, q_t = q_0 + Σ dt (v_{u−1} + v_u)/2.
+    """Compute qpos of every step; hidden positions are summed from velocities, q_t = q_0 + Σ dt (v_{u−1} + v_u)/2.
 
     q_0 is then that of the rest pose. Transition noise, and what happens within a control step, make the sum drift.
     """
@@ -64,7 +64,7 @@ def positions(body: Body, obs: Float[np.ndarray, "N T O"]) -> Vectors:
 
 
 def links(body: Body, qpos: Vectors) -> Float[np.ndarray, "N T G 2 2"]:
-    """Both ends of every capsule's axis in the body's plane, [episode, step, link, end, coordinate]."""
+    """Compute both ends of every capsule's axis in the body's plane, [episode, step, link, end, coordinate]."""
     mujoco: Any = importlib.import_module("mujoco")
     data, moving, plane = mujoco.MjData(body.model), _moving(body.model), list(_plane(body.model))
     half_length = body.model.geom_size[moving, 1]
@@ -79,7 +79,7 @@ def links(body: Body, qpos: Vectors) -> Float[np.ndarray, "N T G 2 2"]:
 
 
 def _selection(body: Body) -> RobotState:
-    """Which coordinate each observation shows: its Jacobian, ones and zeros, [O, V] for qpos and for qvel."""
+    """Compute which coordinate each observation shows: its Jacobian, ones and zeros, [O, V] for qpos and for qvel."""
     rest = RobotState(jnp.array(body.model.qpos0, jnp.float32), jnp.zeros(body.model.nv))
     return RobotState(*(np.asarray(leaf) for leaf in jax.jacobian(body.task.observe)(rest)))  # pyright: ignore[reportArgumentType]
 
@@ -100,12 +100,12 @@ def _stage(model: Any, dt: float) -> Stage:
 
 
 def _moving(model: Any) -> Int[np.ndarray, " G"]:
-    """The geoms that belong to a body other than the world."""
+    """List the geoms that belong to a body other than the world."""
     return np.flatnonzero(model.geom_bodyid > 0)
 
 
 def _plane(model: Any) -> tuple[int, int]:
-    """The two coordinates in which a planar body moves: those that its hinges do not turn about."""
+    """Find the two coordinates in which a planar body moves: those that its hinges do not turn about."""
     mujoco: Any = importlib.import_module("mujoco")
     turning: Bool[np.ndarray, " 3"] = model.jnt_axis[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE].any(axis=0)
     across, up = np.flatnonzero(~turning)
@@ -113,7 +113,7 @@ def _plane(model: Any) -> tuple[int, int]:
 
 
 def _branch(model: Any, link: int) -> int:
-    """1 where the body or one that carries it is not its parent's first child."""
+    """Return 1 where the body, or one that carries it, is not its parent's first child; else 0."""
     while link > 0:
         parent = int(model.body_parentid[link])
         siblings = np.flatnonzero(model.body_parentid == parent)

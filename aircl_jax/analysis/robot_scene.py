@@ -1,4 +1,4 @@
-"""Episodes of a robot to look at: poses, violations and δ₁ step by step, demonstrations beside the learned policy."""
+"""Gather a robot's episodes for a picture: poses, violations and δ₁ by step, of demonstrations and of the learned policy."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -18,13 +18,13 @@ from envs.robots.constraints import Constraint, Predicate, find_constraint, torq
 
 
 class Side(NamedTuple):
-    """Episodes of one origin. What stands at step t was true of the pose at step t."""
+    """Episodes of one origin. Entry t belongs to the pose at step t."""
 
     name: str
     links: Float[np.ndarray, "E T G 2 2"]  # m
     across: Float[np.ndarray, "E T"]  # x, as the constraint means it, m
     violating: Bool[np.ndarray, "E T"]
-    level: Float[np.ndarray, "E T"] | None  # of the quantity that the constraint bounds
+    level: Float[np.ndarray, "E T"] | None  # value of the quantity that the constraint bounds
     delta: Float[np.ndarray, "E T"] | None  # δ₁; None where the method has no per-step factor
     feasibility: Float[np.ndarray, " E"] | None  # δ̄(τ); None where the method has none
     returns: Float[np.ndarray, " E"]  # true, undiscounted; NaN where unknown
@@ -33,16 +33,16 @@ class Side(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """All that a picture of a run's behaviour needs."""
+    """The content of a picture of a run's behaviour."""
 
     title: str
     stage: Stage
     expert: Side
     learned: Side
-    quantity: str  # what the constraint bounds; empty where no line can be drawn for it
-    limits: tuple[float, ...]  # of it
-    wall: float | None  # the limit, where it is a place across
-    note: str  # what was reconstructed; empty where nothing was
+    quantity: str  # name of what the constraint bounds; empty where no line can be drawn
+    limits: tuple[float, ...]  # limits of the quantity
+    wall: float | None  # the limit, where it is a place along x
+    note: str  # says which positions were reconstructed; empty where none was
 
 
 class Quantity(NamedTuple):
@@ -50,7 +50,7 @@ class Quantity(NamedTuple):
 
     label: str
     value: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    wall: bool = False  # the limit is a place across
+    wall: bool = False  # the limit is a place along x
 
 
 _ACROSS = Quantity("x (m)", lambda qpos, action: qpos[..., 0], wall=True)
@@ -62,9 +62,9 @@ QUANTITIES: dict[Predicate, Quantity] = {
 
 
 def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
-    """The first demonstrations, and as many fresh episodes of the policy of the seed at this place of the summary.
+    """Gather the first demonstrations and as many fresh episodes of the policy; `index` is the seed's place in the summary.
 
-    There are fewer where there are fewer demonstrations. Raises ValueError where the world is no robot.
+    With fewer demonstrations than `episodes`, both have fewer. Raises ValueError where the world is not a robot.
     """
     env, settings = result.plan.env, result.plan.env_settings
     body, constraint = make_body(env.name, settings), find_constraint(settings["constraint"], env.name)

@@ -1,4 +1,4 @@
-"""How far animals move in a behaviour transition, and whether long transitions are more frequent than a falling trend.
+"""Measure how far animals move in a behaviour transition, and test for more long transitions than a falling trend has.
 
 The paper's Section 6 reads an inflexion off the histogram of these distances. Here the largest rise of the histogram is
 tested against a monotone trend, over recordings, and against ends shuffled among the transitions of a recording.
@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import isotonic_regression
 
-BAND = (2.5, 97.5)  # percentiles
+BAND = (2.5, 97.5)  # percentiles of a 95 % band
 
 
 class Histogram(NamedTuple):
@@ -27,11 +27,11 @@ class Histogram(NamedTuple):
 
 
 class RiseTest(NamedTuple):
-    """The largest rise z = (n_b − n_a) / √(n_a + n_b), a < b, of a histogram that is claimed to fall and rise again."""
+    """Largest rise z = (n_b − n_a) / √(n_a + n_b), a < b, of a histogram that is claimed to fall and rise again."""
 
     bin_width: float
-    low: float  # distance at the middle of bin a
-    high: float  # and of bin b
+    low: float  # middle of bin a
+    high: float  # middle of bin b
     counts: tuple[int, int]
     z: float
     p_monotone: float  # share of Poisson draws from the monotone trend with as large a rise somewhere
@@ -41,7 +41,7 @@ class RiseTest(NamedTuple):
 def distances(
     start: Float[np.ndarray, "M 3"], end: Float[np.ndarray, "M 3"], fill: Float[np.ndarray, " 3"] | None = None
 ) -> Float[np.ndarray, " M"]:
-    """|end − start|; NaN where a position is unknown, unless `fill` stands in for it (0 taken for a place)."""
+    """Compute |end − start|; NaN where a position is unknown, unless `fill` replaces it (0: counted as a place)."""
     if fill is not None:
         start, end = (np.where(np.isnan(position), fill, position) for position in (start, end))
     return np.linalg.norm(end - start, axis=1)
@@ -56,7 +56,7 @@ def histogram(
     draws: int,
     seed: int,
 ) -> Histogram:
-    """Counts of |end − start| with the trend, the bootstrap band and the null model; all positions must be known."""
+    """Count |end − start|, with the trend, the bootstrap band and the null model; all positions must be known."""
     counts = np.histogram(distances(start, end), edges)[0]
     boot = bootstrap_counts(distances(start, end), recording, edges, draws=draws, seed=seed)
     null = shuffled_counts(start, end, recording, edges, draws=draws, seed=seed)
@@ -72,7 +72,7 @@ def histogram(
 
 
 def monotone_trend(counts: Int[np.ndarray, " B"]) -> Float[np.ndarray, " B"]:
-    """The falling sequence nearest to the counts in least squares, which is also the most likely Poisson mean."""
+    """Fit the falling sequence nearest to the counts in least squares, which is also the most likely Poisson mean."""
     return np.asarray(isotonic_regression(counts.astype(float), increasing=False).x)
 
 
@@ -84,7 +84,7 @@ def bootstrap_counts(
     draws: int,
     seed: int,
 ) -> Int[np.ndarray, "D B"]:
-    """Histograms of resampled recordings: what is one recording's accident does not survive."""
+    """Compute histograms of resampled recordings, so that one recording's peculiarity widens the band."""
     names = np.unique(recording)
     each = np.stack([np.histogram(distance[recording == name], edges)[0] for name in names])
     weights = np.random.default_rng(seed).multinomial(len(names), np.full(len(names), 1 / len(names)), size=draws)
@@ -100,7 +100,7 @@ def shuffled_counts(
     draws: int,
     seed: int,
 ) -> Int[np.ndarray, "D B"]:
-    """Histograms with the ends permuted within each recording: an end then says nothing of its beginning."""
+    """Compute histograms with the ends permuted within each recording, so that start and end are independent."""
     generator = np.random.default_rng(seed)
     members = [np.flatnonzero(recording == name) for name in np.unique(recording)]
     counts = np.empty((draws, len(edges) - 1), dtype=np.int64)
@@ -111,7 +111,7 @@ def shuffled_counts(
 
 
 def largest_rise(counts: Int[np.ndarray, " B"]) -> tuple[int, int, float]:
-    """(a, b, z) of the largest z = (n_b − n_a) / √(n_a + n_b) over bins a < b."""
+    """Find (a, b, z) of the largest z = (n_b − n_a) / √(n_a + n_b) over bins a < b."""
     earlier, later = np.triu_indices(len(counts), k=1)
     rise = counts[later] - counts[earlier]
     z = rise / np.sqrt(np.maximum(counts[later] + counts[earlier], 1))
@@ -127,7 +127,7 @@ def rise_test(
     draws: int,
     seed: int,
 ) -> RiseTest:
-    """Is there more than a fall from the mode on? The Poisson null holds transitions independent: p is a floor."""
+    """Test for a rise after the mode. The Poisson null takes transitions as independent, so p is a lower bound."""
     edges = edges[np.histogram(distance, edges)[0].argmax() :]
     counts = np.histogram(distance, edges)[0]
     low, high, z = largest_rise(counts)
@@ -147,7 +147,7 @@ def rise_test(
 
 
 class Tail(NamedTuple):
-    """Transitions beyond `high`, beside what an exponential fitted between `low` and `high` leads to expect."""
+    """Number of transitions beyond `high`, beside what an exponential fitted between `low` and `high` leads to expect."""
 
     low: float
     high: float
@@ -165,7 +165,7 @@ def exponential_tail(
     draws: int,
     seed: int,
 ) -> Tail:
-    """Is the tail heavier than exponential? The rate is the most likely one of the distances between low and high."""
+    """Test whether the tail is heavier than exponential. The rate is the most likely one of the distances in [low, high]."""
     names = np.unique(recording)
     parts = [distance[recording == name] for name in names]
     chosen = np.random.default_rng(seed).integers(len(names), size=(draws, len(names)))
@@ -179,7 +179,7 @@ def exponential_tail(
 
 
 def _beyond(distance: Float[np.ndarray, " M"], low: float, high: float) -> tuple[int, float]:
-    """Number at or beyond `high`, and N e^{−λw} / (1 − e^{−λw}) expected, w = high − low, N between them."""
+    """Count those at or beyond `high`, and N e^{−λw} / (1 − e^{−λw}) expected, w = high − low, N between them."""
     inside = distance[(distance >= low) & (distance < high)] - low
     width = high - low
     # The mean of a truncated exponential, 1/λ − w / (e^{λw} − 1), falls in λ: bisection.
@@ -203,7 +203,7 @@ class Pairs(NamedTuple):
 def pair_table(
     source: Int[np.ndarray, " M"], target: Int[np.ndarray, " M"], distance: Float[np.ndarray, " M"], num_codes: int
 ) -> Pairs:
-    """Figures 2(d) and 2(e): mean distance and relative frequency of every pair; an unknown distance is NaN."""
+    """Compute mean distance and relative frequency of every pair (Figures 2(d) and 2(e)); an unknown distance is NaN."""
     shape = (num_codes, num_codes)
     seen, located, total = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape)
     known: Bool[np.ndarray, " M"] = np.isfinite(distance)
@@ -215,7 +215,7 @@ def pair_table(
 
 
 def frequent_long_pairs(pairs: Pairs, threshold: float, least: int, number: int) -> list[tuple[int, int]]:
-    """The most frequent pairs (by share of their start) located `least` times, with a mean distance ≥ threshold."""
+    """List the most frequent pairs (by share of their start) located `least` times, with a mean distance ≥ threshold."""
     eligible = (pairs.located >= least) & (np.nan_to_num(pairs.mean_distance) >= threshold)
     order = np.argsort(np.where(eligible, -pairs.frequency, 1.0), axis=None, kind="stable")[:number]
     chosen = [tuple(int(part) for part in np.unravel_index(index, eligible.shape)) for index in order]

@@ -1,4 +1,4 @@
-"""Demonstrations D_E in and out: .npz files without pickles, Minari data sets; checked against the environment."""
+"""Read, check and write demonstrations D_E: .npz files without pickles, and Minari data sets."""
 
 import json
 import zipfile
@@ -14,13 +14,13 @@ from aircl_jax.types import Trajectory
 from envs import Box, Discrete, Env
 
 MINARI = "minari:"  # prefix of a Minari data set's id
-FAR_OUTSIDE = 2.0  # half-widths of the action's box: with half the actions beyond, their unit is another one
+FAR_OUTSIDE = 2.0  # half-widths of the action's box; half of the actions beyond it means another unit
 
 Arrays = Mapping[str, np.ndarray]
 
 
 def load(source: str | Path, env: Env) -> Trajectory:
-    """D_E [N, T, …] from an .npz file, a Minari folder or `minari:ID`. Raises ValueError where it does not fit.
+    """Read D_E [N, T, …] from an .npz file, a Minari folder or `minari:ID`. Raises ValueError where it does not fit.
 
     What the source does not hold is filled: `mask` with ones, `reward` and `cost` with NaN, that is, undefined.
     """
@@ -38,7 +38,7 @@ def load(source: str | Path, env: Env) -> Trajectory:
 
 
 def save(path: str | Path, trajectories: Trajectory, metadata: Mapping[str, Any]) -> None:
-    """Write D_E as .npz, whole or not at all; `metadata` says where it comes from."""
+    """Write D_E as .npz, whole or not at all; `metadata` names its origin."""
     path = Path(path)
     arrays = {name: np.asarray(getattr(trajectories, name)) for name in ("obs", "action", "mask", "reward", "cost")}
     arrays["metadata"] = np.array(json.dumps(metadata))
@@ -47,7 +47,7 @@ def save(path: str | Path, trajectories: Trajectory, metadata: Mapping[str, Any]
 
 
 def metadata(path: str | Path) -> dict[str, Any]:
-    """What an .npz file says of itself; empty where it says nothing."""
+    """Read the metadata of an .npz file; empty where it has none."""
     return json.loads(str(_read_npz(Path(path)).get("metadata", "{}")))
 
 
@@ -67,7 +67,7 @@ def _read_npz(path: Path) -> dict[str, np.ndarray]:
 
 
 def _read_minari(source: str, horizon: int) -> dict[str, np.ndarray]:
-    """Episodes of a Minari data set, padded to the horizon under the mask."""
+    """Read the episodes of a Minari data set, padded to the horizon under the mask."""
     try:
         import minari
     except ImportError as error:
@@ -78,7 +78,7 @@ def _read_minari(source: str, horizon: int) -> dict[str, np.ndarray]:
         else:
             dataset = minari.MinariDataset(next(path for path in (Path(source, "data"), Path(source)) if path.is_dir()))
         episodes = list(dataset.iterate_episodes())
-    except Exception as error:  # Minari raises what its storage raises
+    except Exception as error:  # Minari passes on any error of its storage
         reason = (str(error) or type(error).__name__).splitlines()[0]
         raise ValueError(f"it is no Minari data set ({reason})") from error
     longest = max((len(episode.actions) for episode in episodes), default=0)
@@ -152,13 +152,13 @@ def _check_actions(action: np.ndarray, env: Env) -> None:
 
 
 def _half_widths(action: np.ndarray, space: Box) -> np.ndarray:
-    """|a| from the middle of the box in half-widths: 1 at the bounds."""
+    """Measure |a| from the middle of the box in half-widths: 1 at the bounds."""
     middle, half = (space.high + space.low) / 2, (space.high - space.low) / 2
     return np.abs(action - middle) / half
 
 
 def from_arrays(arrays: Arrays, env: Env) -> Trajectory:
-    """Checked arrays by name as trajectories [N, T, …], what is missing filled as `load` says."""
+    """Make trajectories [N, T, …] of checked arrays by name, filling missing ones as `load` says."""
     number, steps = arrays["obs"].shape[:2]
     ones, zeros, undefined = (np.full((number, steps), value) for value in (1.0, 0.0, np.nan))
     kind = jnp.int32 if isinstance(env.action_space, Discrete) else jnp.float32

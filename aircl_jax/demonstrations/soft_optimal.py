@@ -1,4 +1,4 @@
-"""Exact soft-optimal planning in a tabular world."""
+"""Plan soft-optimally and exactly in a tabular world."""
 
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ class SoftOptimal(NamedTuple):
 def soft_value_iteration(
     table: Tabular, reward: Float[Array, "X A"], horizon: int, temperature: float, forbid: bool
 ) -> SoftOptimal:
-    """Backward in t: Q_t = r + E[V_{t+1}], V_t = temperature · log Σ_a exp(Q_t / temperature), V_T = 0 (Ziebart 2010).
+    """Plan backward in t: Q_t = r + E[V_{t+1}], V_t = temperature · log Σ_a exp(Q_t / temperature), V_T = 0 (Ziebart 2010).
 
     With `forbid`, actions whose intended successor is forbidden have probability 0; process noise may still slip into it.
     """
@@ -40,7 +40,7 @@ def soft_value_iteration(
 
 
 def occupancy(table: Tabular, log_policy: Float[Array, "T X A"]) -> Float[Array, "T X"]:
-    """P(x_t = x) under a time-dependent policy, exactly, forward in t."""
+    """Compute P(x_t = x) under a time-dependent policy, exactly, forward in t."""
 
     def forward(state: Float[Array, " X"], step_log_policy: Float[Array, "X A"]) -> tuple[Array, Array]:
         flow = jnp.einsum("x,xa,xay->y", state, jnp.exp(step_log_policy), table.transition)
@@ -50,7 +50,7 @@ def occupancy(table: Tabular, log_policy: Float[Array, "T X A"]) -> Float[Array,
 
 
 def sample_table(env: Env, log_policy: Float[Array, "T X A"], key: PRNGKeyArray, number: int) -> Trajectory:
-    """`number` episodes of a time-dependent policy over a tabular world's states, [N, T, …]; log_prob and value are 0."""
+    """Draw `number` episodes [N, T, …] of a time-dependent policy in a tabular world; log_prob and value are 0."""
 
     def episode(key: PRNGKeyArray) -> Trajectory:
         key_reset, key_steps = jax.random.split(key)

@@ -1,4 +1,4 @@
-"""Where demonstrations come from: exact soft-optimal experts of tabular worlds, shipped files for the robots."""
+"""Provide demonstrations: from exact soft-optimal experts of tabular worlds, and from shipped files for the robots."""
 
 from collections.abc import Sequence
 from importlib import resources
@@ -14,12 +14,12 @@ from aircl_jax.types import Trajectory
 from envs import Env, Tabular
 
 REFERENCE_SIZE = 500  # trajectories of a tabular world's reference set
-REFERENCE_SEED = 2_147_483_646  # of its key: no run's seed
+REFERENCE_SEED = 2_147_483_646  # of its key; no run has this seed
 PERTURBATION = 0.1  # share of uniform actions in the reference set's perturbed experts
 
 
 def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple[Trajectory, Trajectory]:
-    """D_E of every seed, [S, N, T, …], and the environment's reference set, [M, T, …].
+    """Provide D_E of every seed, [S, N, T, …], and the environment's reference set, [M, T, …].
 
     A grid's D_E is drawn from its exact expert, anew for each seed; an animal's is its recorded data and a robot's is
     shipped, the same for all seeds. Where nothing is known to score by, D_E itself stands for the reference set.
@@ -45,7 +45,7 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
 
 
 def tabular_reference(env: Env, expert: SoftOptimal) -> Trajectory:
-    """Half from the unconstrained soft-optimal policy, half from the expert with a tenth of its actions uniform."""
+    """Draw half from the unconstrained soft-optimal policy, half from the expert with a tenth of its actions uniform."""
     table, half = cast(Tabular, env.tabular), REFERENCE_SIZE // 2
     free = soft_value_iteration(table, table.reward, env.horizon, env.expert_temperature, forbid=False)
     uniform = jnp.log(PERTURBATION / table.reward.shape[1])
@@ -59,7 +59,7 @@ def tabular_reference(env: Env, expert: SoftOptimal) -> Trajectory:
 
 
 def load_shipped(name: str, env: Env) -> Trajectory:
-    """A set of trajectories that the package ships, envs/demonstrations/NAME.npz."""
+    """Read a set of trajectories that the package ships, envs/demonstrations/NAME.npz."""
     with resources.as_file(resources.files("envs") / "demonstrations" / f"{name}.npz") as path:
         return load(path, env)
 

@@ -1,4 +1,4 @@
-"""From trained seeds to files: the seed that is chosen, its clean episodes, and the reference set beside them."""
+"""Choose a seed among trained experts, and draw its clean episodes and the reference set."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ from aircl_jax.runs.seeds import over_seeds
 from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
-CLEAN_SHARE = 0.5  # of a seed's episodes: below it, dropping those that violate would leave another policy than was trained
+CLEAN_SHARE = 0.5  # of a seed's episodes; with fewer clean ones, dropping the others would change the policy too much
 JUDGED = 100  # episodes by which a seed is judged
-DRAWN = 64  # episodes drawn at once
+DRAWN = 64  # episodes drawn in one batch
 LEAST_LABEL = 0.2  # share of each label in a reference set
 
 
@@ -28,7 +28,7 @@ LEAST_LABEL = 0.2  # share of each label in a reference set
 class Group:
     """Episodes of a reference set from one policy: which seed's, its mean action and its σ multiplied."""
 
-    source: str  # expert, free
+    source: str  # expert or free (unconstrained)
     mean: float = 1.0
     noise: float = 1.0
     number: int = 20
@@ -43,7 +43,7 @@ REFERENCE: dict[str, Group] = {
     "expert, actions × 1.3": Group("expert", mean=1.3),
     "unconstrained expert": Group("free"),
 }
-MORE = Group("free", number=40)  # drawn besides where violations are too rare
+MORE = Group("free", number=40)  # drawn in addition where violations are too rare
 
 
 class Runner(NamedTuple):
@@ -54,7 +54,7 @@ class Runner(NamedTuple):
 
 
 def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequence[bool]) -> Runner:
-    """All seeds, constrained or not, as one program over shards of seeds on every device."""
+    """Train all seeds, constrained or not, as one program over shards of seeds on every device."""
     count = max(number for number in range(1, jax.device_count() + 1) if len(seeds) % number == 0)
     mesh = jax.make_mesh((count,), ("seed",), axis_types=(AxisType.Auto,))
     spec = PartitionSpec("seed")
@@ -80,11 +80,11 @@ def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequenc
 
 
 class Judgement(NamedTuple):
-    """What fresh episodes say of one policy."""
+    """Measures of one policy by fresh episodes."""
 
-    mean: float  # return of all episodes
+    mean: float  # mean return of all episodes
     std: float
-    clean_share: float  # of episodes
+    clean_share: float  # share of episodes without a violation
     clean_return: float  # mean return of the clean ones; NaN where there is none
     cost: float  # violating steps an episode
 
@@ -93,7 +93,7 @@ class Judgement(NamedTuple):
 
 
 def judge(episodes: Trajectory) -> Judgement:
-    """Returns and cleanliness of episodes [N, T, …]."""
+    """Measure returns and violations of episodes [N, T, …]."""
     total, cost = (np.asarray((x * episodes.mask).sum(axis=1)) for x in (episodes.reward, episodes.cost))
     clean = cost == 0
     clean_return = float(total[clean].mean()) if clean.any() else float("nan")
@@ -101,7 +101,7 @@ def judge(episodes: Trajectory) -> Judgement:
 
 
 def best_expert(judged: Sequence[Judgement]) -> int:
-    """The greatest mean return of clean episodes among seeds that are clean in at least half. ValueError if none is."""
+    """Choose the seed with the best mean return of clean episodes, of those clean in at least half. ValueError if none is."""
     able = [i for i, one in enumerate(judged) if one.clean_share >= CLEAN_SHARE]
     if not able:
         shares = ", ".join(f"{one.clean_share:.2f}" for one in judged)
@@ -110,13 +110,13 @@ def best_expert(judged: Sequence[Judgement]) -> int:
 
 
 def best_free(judged: Sequence[Judgement]) -> int:
-    """The greatest mean return among unconstrained seeds that violate in most episodes, or among all where none does."""
+    """Choose the seed with the greatest mean return, of those that violate in most episodes, or of all where none does."""
     violating = [i for i, one in enumerate(judged) if one.clean_share < CLEAN_SHARE]
     return max(violating or range(len(judged)), key=lambda i: judged[i].mean)
 
 
 def altered(policy: Any, mean: float, noise: float) -> Any:
-    """The policy's parameters with its mean action and its σ multiplied."""
+    """Multiply the policy's mean action and its σ, in its parameters."""
     params = dict(policy["params"])
     network = dict(params["MLP_0"])
     last = max(network, key=lambda name: int(name.rpartition("_")[2]))
@@ -125,21 +125,21 @@ def altered(policy: Any, mean: float, noise: float) -> Any:
 
 
 class Sampler:
-    """Fresh episodes of one seed's policy, drawn in batches of one compiled size."""
+    """Draws fresh episodes of one seed's policy, in batches of one compiled size."""
 
     def __init__(self, env: Env, nets: Networks) -> None:
         self.nets = nets
         self._rollouts = jax.jit(lambda state, key: rollouts(bound(nets, state), key, DRAWN, env))
 
     def __call__(self, state: LagrangianState, key: PRNGKeyArray, number: int) -> Trajectory:
-        """`number` episodes, [N, T, …]."""
+        """Draw `number` episodes, [N, T, …]."""
         keys = jax.random.split(key, -(-number // DRAWN))
         batches = [self._rollouts(state, one) for one in keys]
         return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[:number], *batches)
 
 
 def clean_episodes(draw: Sampler, state: LagrangianState, key: PRNGKeyArray, number: int) -> tuple[Trajectory, float]:
-    """The first `number` episodes without a violation, and the share of clean ones before the others were dropped."""
+    """Take the first `number` episodes without a violation, and the share of clean ones before the others were dropped."""
     kept, drawn, found = [], 0, 0
     while found < number:
         key, key_draw = jax.random.split(key)
@@ -155,7 +155,7 @@ def clean_episodes(draw: Sampler, state: LagrangianState, key: PRNGKeyArray, num
 def reference_set(
     draw: Sampler, expert: LagrangianState, free: LagrangianState, key: PRNGKeyArray
 ) -> tuple[Trajectory, dict[str, Judgement]]:
-    """REFERENCE's groups one after the other, [M, T, …]. ValueError where a label is too rare."""
+    """Draw REFERENCE's groups one after the other, [M, T, …]. ValueError where a label is too rare."""
     sources = {"expert": expert, "free": free}
 
     def episodes(index: int, group: Group) -> Trajectory:
@@ -178,7 +178,7 @@ def _joined(parts: Iterable[Trajectory]) -> Trajectory:
 
 
 def random_return(env: Env, key: PRNGKeyArray) -> Judgement:
-    """Actions N(0, 1), clipped as the world clips them."""
+    """Draw actions N(0, 1), clipped as the world clips them."""
     shape = env.action_space.shape
 
     def episode(key: PRNGKeyArray) -> tuple[Float[Array, " T"], Float[Array, " T"]]:

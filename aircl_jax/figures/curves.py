@@ -1,4 +1,4 @@
-"""Learning curves: small multiples over iterations with the band over seeds, and where the curves end in words."""
+"""Draw learning curves: small multiples over iterations with the band over seeds, and a caption of where they end."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -28,8 +28,8 @@ class Panel(NamedTuple):
     expert: str | None = None
     scale: float = 1.0
     limits: tuple[float | None, float | None] = (None, None)
-    chance: float | None = None  # what guessing would reach
-    of: str = "all"  # what a method must have for the panel to say anything: all, feasibility, discriminator
+    chance: float | None = None  # the value that guessing gives
+    of: str = "all"  # methods that have the panel: all, or those with a feasibility or a discriminator
 
 
 PERCENT, SHARE = 100.0, (-0.03, 1.05)
@@ -112,7 +112,7 @@ LOGARITHMIC = {"value_loss"}
 
 
 class End(NamedTuple):
-    """How the caption says where a metric ends, and which metric is the demonstrations' level."""
+    """The words of the caption on where a metric ends, and the metric that is the demonstrations' level."""
 
     metric: str
     sentence: str
@@ -169,7 +169,7 @@ def losses(result: Result) -> Drawing:
 
 
 def small_multiples(number: int) -> tuple[Figure, list[Axes]]:
-    """A full-width figure of that many panels with iterations along x, in rows that leave few places empty."""
+    """Make a full-width figure of that many panels with iterations along x, in rows that leave few places empty."""
     columns = min((4, 3, 5), key=lambda columns: (-number % columns, abs(columns - 4)))
     rows = -(-number // columns)
     figure = Figure(figsize=(7.2, 0.35 + 1.5 * rows), layout="constrained")
@@ -194,8 +194,8 @@ def label_ends(axis: Axes, marks: Sequence[tuple[float, str, str]], gap: float =
 
 
 def _apart(wanted: Float[np.ndarray, " K"], gap: float) -> Float[np.ndarray, " K"]:
-    """The ascending places nearest to the wanted ones that are `gap` apart and on the axis: an isotonic regression."""
-    number, lowest = len(wanted), 0.04  # an end on the axis' corner would be named beside its last tick
+    """Find the ascending places nearest to the wanted ones, `gap` apart and on the axis, by isotonic regression."""
+    number, lowest = len(wanted), 0.04  # a name at the axis' corner would stand beside its last tick
     slack = wanted - gap * np.arange(number)
     nearest = [
         max(min(slack[first : last + 1].mean() for last in range(i, number)) for first in range(i + 1)) for i in range(number)
@@ -204,7 +204,7 @@ def _apart(wanted: Float[np.ndarray, " K"], gap: float) -> Float[np.ndarray, " K
 
 
 def _curve(axis: Axes, values: Float[np.ndarray, "I S"], curve: Curve) -> tuple[float, str, str]:
-    """Mean, band and single seeds of one metric over the iterations that have it; where and how its end is named."""
+    """Draw mean, band and single seeds of one metric over the iterations that have it; return the place and name of its end."""
     measured = np.asarray(np.isfinite(values).any(axis=1))
     iteration, values = np.flatnonzero(measured) + 1, values[measured]
     mean = np.nanmean(values, axis=1)
@@ -218,7 +218,7 @@ def _curve(axis: Axes, values: Float[np.ndarray, "I S"], curve: Curve) -> tuple[
 
 
 def _relevant(panel: Panel, result: Result) -> Panel:
-    """The panel with the curves that are measured and that are not another's double."""
+    """Keep the panel's curves that are measured and that do not repeat another."""
     method = result.plan.method
     absent = {"all": False, "feasibility": not method.learns_feasibility, "discriminator": not method.discriminates}[panel.of]
     untrue = panel.title == "true return" and not result.plan.env.has_reward
@@ -232,7 +232,7 @@ def _defined(values: Float[np.ndarray, "I S"] | None) -> bool:
 
 
 def _ends(result: Result) -> str:
-    """Where the run ended, in words."""
+    """Say where the run ended, in words."""
     metrics, said = result.summary["metrics"], []
     doubles = set() if result.plan.method.draws else SAMPLER_METRICS
     for end in ENDS:

@@ -1,4 +1,4 @@
-"""The figures of a run: which are drawn for what, δ̄ on the reference set, and writing them."""
+"""Draw and write the figures of a run: choose those of its world, and δ̄ on the reference set."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +20,7 @@ BINS = 25
 
 
 def draw(result: Result) -> Iterator[Drawing]:
-    """Every figure that says something of this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
+    """Draw every figure that applies to this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
     env, found = result.plan.env, episodes.gather(result)
     yield curves.learning_curves(result)
     if env.layout is not None and env.tabular is not None:
@@ -42,13 +42,13 @@ def draw(result: Result) -> Iterator[Drawing]:
 
 
 def figures_of(result: Result) -> dict[str, Drawing]:
-    """Every figure by its name, for a notebook."""
+    """Draw every figure by its name, for a notebook."""
     with mpl.rc_context(STYLE):
         return {drawing.name: drawing for drawing in draw(result)}
 
 
 def write_figures(result: Result, directory: Path) -> list[tuple[Path, str]]:
-    """Draw into the directory; the files with their captions."""
+    """Draw into the directory; return the files with their captions."""
     directory.mkdir(exist_ok=True)
     written = []
     with mpl.rc_context(STYLE):
@@ -60,7 +60,7 @@ def write_figures(result: Result, directory: Path) -> list[tuple[Path, str]]:
 
 
 def reference_histogram(result: Result, found: episodes.Evidence) -> Drawing:
-    """δ̄ of the reference set's clean and violating trajectories, each label's shares summing to 1 over all seeds."""
+    """Draw δ̄ of the reference set's clean and violating trajectories, each label's shares summing to 1 over all seeds."""
     violating = episodes.infeasible(result.reference)
     figure = Figure(figsize=(3.4, 2.3), layout="constrained")
     axis = figure.subplots()
@@ -82,5 +82,5 @@ def reference_histogram(result: Result, found: episodes.Evidence) -> Drawing:
 
 
 def _has_both_labels(result: Result) -> bool:
-    """Whether the reference set holds clean and violating trajectories; an unknown cost is neither."""
+    """Say whether the reference set holds clean and violating trajectories; an unknown cost counts as neither."""
     return bool(0 < episodes.infeasible(result.reference).mean() < 1)

@@ -1,4 +1,4 @@
-"""What the figures of a run share: colours for colour-blind readers (Okabe & Ito 2008), sizes, a figure with its caption."""
+"""Shared by the figures of a run: colours for colour-blind readers (Okabe & Ito 2008), sizes, a figure with its caption."""
 
 import io
 from typing import Any, NamedTuple
@@ -28,14 +28,14 @@ STYLE: dict[RcKeyType, Any] = {
 
 
 class Drawing(NamedTuple):
-    """A figure, the name of its file, and one or two sentences on what is seen."""
+    """A figure, the name of its file, and one or two sentences on what it shows."""
 
     name: str
     figure: Figure
     caption: str
 
     def _repr_png_(self) -> bytes:
-        """The figure, as a notebook shows it."""
+        """Show the figure in a notebook."""
         picture = io.BytesIO()
         with mpl.rc_context(STYLE):
             self.figure.savefig(picture, dpi=NOTEBOOK_DPI, format="png")
@@ -43,7 +43,7 @@ class Drawing(NamedTuple):
 
 
 def over_seeds(result: Result) -> str:
-    """`aircl_corrected on gridworld, 10 seeds`."""
+    """Name the run, as in `aircl_corrected on gridworld, 10 seeds`."""
     number = len(result.summary["seeds"])
     return f"{result.summary['method']} on {result.summary['env']}, {number} seed{'s' if number > 1 else ''}"
 

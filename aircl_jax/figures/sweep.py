@@ -1,4 +1,4 @@
-"""A sweep over one setting: each metric against its value, every seed a dot."""
+"""Draw a sweep over one setting: each metric against its value, every seed a dot."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,7 +19,7 @@ SHOWN = {  # metric: label, colour, least upper end of its axis
 
 
 def draw(name: str, title: str, found: Mapping[str, Any]) -> Drawing:
-    """Small multiples over even places: the values are said, not scaled. Use within `matplotlib.rc_context(STYLE)`."""
+    """Draw small multiples over even places, each labelled with its value. Use within `matplotlib.rc_context(STYLE)`."""
     shown = [metric for metric in SHOWN if metric in found["metrics"]]
     figure = Figure(figsize=(7.2, 1.9), layout="constrained")
     values, places = found["values"], np.arange(len(found["values"]))

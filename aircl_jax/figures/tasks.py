@@ -1,4 +1,4 @@
-"""Figure 3: the tasks drawn, with the paths or poses of a demonstration and of the learned policy beside each other."""
+"""Draw Figure 3: the tasks, with the paths or poses of a demonstration and of the learned policy beside each other."""
 
 from collections.abc import Mapping
 
@@ -14,11 +14,11 @@ from envs.base import Layout
 
 HEIGHTS = {"grid": 2.0, "robot": 2.3}  # inches
 LETTERS = "abcdefgh"
-FRAMES = 6  # of each strip
+FRAMES = 6  # frames of each strip
 
 
 def tasks(results: Mapping[str, Result]) -> Drawing:
-    """A row an environment: grids with layout, robots with a body. Use within `matplotlib.rc_context(STYLE)`."""
+    """Draw a row for each environment: grids with layout, robots with a body. Use within `matplotlib.rc_context(STYLE)`."""
     kinds = ["robot" if result.plan.env.layout is None else "grid" for result in results.values()]
     heights = [HEIGHTS[kind] for kind in kinds]
     figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")

@@ -1,4 +1,4 @@
-"""Alarms: what looks degenerate in a run's final metrics, said in plain sentences that name the seeds."""
+"""Raise alarms: sentences that say what looks degenerate in a run's final metrics, and in which seeds."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Alarm(NamedTuple):
-    """A metric, when it rings, and what that means."""
+    """A metric, the values at which the alarm rings, and what that means."""
 
     metric: str
     rings: Callable[[float], bool]
@@ -26,7 +26,7 @@ ALARMS = (
 
 
 def alarms(seeds: Sequence[int], metrics: Mapping[str, Mapping[str, Sequence[float | None]]]) -> list[str]:
-    """One sentence for each alarm that rings, from the `seeds` and `metrics` of a summary."""
+    """Write one sentence for each alarm that rings, from the `seeds` and `metrics` of a summary."""
     sentences = []
     for alarm in ALARMS:
         values = metrics.get(alarm.metric, {}).get("per_seed", [])

@@ -1,4 +1,4 @@
-"""What a run recovered of a world of codes, in ranked tables and plain words."""
+"""Write what a run recovered of a world of codes, in ranked tables and plain words."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ AVOIDED_HEAD = ("| after | never or rarely comes | feasibility | seen | expected
 
 
 def reading(result: Result) -> str:
-    """The ranked tables of a finished run; empty where the world has no codes."""
+    """Write the ranked tables of a finished run; empty where the world has no codes."""
     env = result.plan.env
     if env.codes is None or env.tabular is None:
         return ""
@@ -33,7 +33,7 @@ def reading(result: Result) -> str:
 
 
 def in_words(recovered: Recovered, codes: Codes, number: int = 12) -> str:
-    """Ranked tables for someone who knows the animals and not the method."""
+    """Write ranked tables for a reader who knows the animals and not the method."""
     parts = []
     if np.isfinite(recovered.reward).all():
         parts += [_beginnings(recovered, codes.names), _rewarding(recovered, codes.names, number)]
@@ -105,7 +105,7 @@ def _avoided(recovered: Recovered, codes: Codes, number: int) -> str:
 
 
 def _agreement(values: Float[np.ndarray, "S K"], what: str) -> str:
-    """How far the seeds rank alike, in a sentence."""
+    """Say in a sentence how far the seeds rank alike."""
     found = rank_agreement(values)
     if not len(found) or not np.isfinite(found).all():
         return "One seed alone: how stable the order is, is unknown."

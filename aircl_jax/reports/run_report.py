@@ -1,4 +1,4 @@
-"""What a finished run says of itself: summary.json's metrics and timing, and report.md for reading."""
+"""Write report.md of a finished run, and the text that the command line ends with, from its summary."""
 
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +11,7 @@ from envs import ENVS
 
 
 def table(summary: Mapping[str, Any]) -> str:
-    """The metrics as Markdown: mean ± standard deviation, and what the name means."""
+    """Write the metrics as Markdown: mean ± standard deviation, and what the name means."""
     rows = [("metric", "mean ± std", "what")]
     for name, row in _defined(summary).items():
         spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
@@ -20,7 +20,7 @@ def table(summary: Mapping[str, Any]) -> str:
 
 
 def seed_table(summary: Mapping[str, Any]) -> str:
-    """Every seed's metrics as Markdown."""
+    """Write every seed's metrics as Markdown."""
     rows = [("metric", *(f"seed {seed}" for seed in summary["seeds"]))]
     rows += [(name, *map(_short, row["per_seed"])) for name, row in _defined(summary).items()]
     return _markdown(rows)
@@ -29,7 +29,7 @@ def seed_table(summary: Mapping[str, Any]) -> str:
 def report(
     summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[tuple[Path, str]], command: str, reading: str = ""
 ) -> str:
-    """report.md: what ran, what came out, what rang, the figures, what they mean in plain words, what to try next."""
+    """Write report.md: command, alarms, figures, plain words, measures, every seed, and what to try next."""
     return _paragraphs(
         f"# {summary['method']} on {summary['env']}",
         f"`{command}`" if command else "Trained from Python.",
@@ -50,7 +50,7 @@ def report(
 
 
 def _defined(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """The metrics that at least one seed has."""
+    """Select the metrics that at least one seed has."""
     return {name: row for name, row in summary["metrics"].items() if any(value is not None for value in row["per_seed"])}
 
 
@@ -60,7 +60,7 @@ def _undefined(summary: Mapping[str, Any]) -> str:
 
 
 def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> str:
-    """What the command line ends with."""
+    """Write the text that the command line ends with."""
     return _paragraphs(
         "",
         table(summary),
@@ -73,10 +73,10 @@ def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> 
 
 
 def suggestions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Commands that answer the questions one has after a run, each with its purpose."""
+    """List commands to try after a run, each with its purpose."""
     env, method = summary["env"].partition(" ")[0], summary["method"]
     baseline = "airl_centred" if method != "airl_centred" else "aircl_corrected"
-    if env not in ENVS:  # one's own world, which the command line does not know
+    if env not in ENVS:  # an environment passed from Python, which the command line does not know
         return [(f'train(env, "{baseline}")', "without a constraint, or with one: what the feasibility adds")]
     run = f"python -m experiments.run env={env}"
     return [
@@ -104,7 +104,7 @@ def _markdown(rows: Sequence[Sequence[str]]) -> str:
 
 
 def _width(text: str) -> int:
-    """Columns on a terminal: the bar of δ̄ takes none."""
+    """Count the columns on a terminal; the bar of δ̄ takes none."""
     return sum(not unicodedata.combining(letter) for letter in text)
 
 
@@ -121,5 +121,5 @@ def _short(value: float | None) -> str:
 
 
 def _sentence(text: str) -> str:
-    """With a capital letter, unless it begins with a symbol of its own."""
+    """Begin the text with a capital letter, unless it begins with a symbol such as δ̄."""
     return text[0].upper() + text[1:] if text[0].isascii() else text

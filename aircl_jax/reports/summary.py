@@ -1,4 +1,4 @@
-"""summary.json: every measure's mean, standard deviation and seeds."""
+"""Make the content of summary.json: every measure's mean, standard deviation and seeds, and the timing."""
 
 import platform
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ MEANINGS = {
 
 
 def statistics(per_seed: Sequence[Any] | np.ndarray) -> dict[str, Any]:
-    """Mean, standard deviation and every seed; undefined as soon as one seed is."""
+    """Compute mean and standard deviation beside every seed; both are undefined if any seed is."""
     values = np.asarray(per_seed, np.float64)
     with np.errstate(invalid="ignore"):  # of undefined seeds
         mean, std = numbers([values.mean(), values.std(ddof=1) if len(values) > 1 else np.nan])
@@ -49,10 +49,10 @@ def statistics(per_seed: Sequence[Any] | np.ndarray) -> dict[str, Any]:
 
 
 def summarise(plan: Plan, final: Mapping[str, np.ndarray], timing: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """summary.json, from the metrics at the end, [S] each, and one line of timing a chunk.
+    """Make summary.json from the metrics at the end, [S] each, and one line of timing a chunk.
 
-    The speed is that from the end of the first chunk to the end of the last; a session's first chunk, which compiles,
-    counts for none.
+    The speed is taken from the end of the first chunk to the end of the last. It leaves out the first chunk of each
+    session, which compiles.
     """
     steady = [line for line in timing if not line["first"]]
     seconds = sum(line["seconds"] - line["compile_s"] for line in steady)

@@ -16,7 +16,7 @@ from experiments.cli.hydra_cli import Composed
 from tests.worlds import command_module
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", *(f"docs/{page}.md" for page in ("guide", "animals", "equations", "experts", "physics")))
+PAGES = ("README.md", *(f"docs/{page}.md" for page in ("guide", "results", "animals", "equations", "experts", "physics")))
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -125,6 +125,12 @@ def test_every_link_within_the_project_leads_to_a_file_and_a_heading(page):
         file = (ROOT / page).parent / path if path else ROOT / page
         assert file.exists(), target
         assert not anchor or anchor in headings(file), target
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_and_folder_of_the_tree_that_a_page_names_exists(page):
+    named = re.findall(r"`((?:aircl_jax|envs|experiments|tests|results)/[\w/.]*?(?:\.py|/))(?=[`:])", (ROOT / page).read_text())
+    assert [path for path in named if not (ROOT / path).exists()] == []
 
 
 def headings(page: Path) -> list[str]:

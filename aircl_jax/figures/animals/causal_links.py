@@ -1,4 +1,4 @@
-"""Figure 4: maps of causal links and of how far those of generated trajectories are off, and their means by seed."""
+"""Draw Figure 4: maps of causal links, of how far those of generated trajectories are off, and the means by seed."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,11 +13,11 @@ from aircl_jax.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE
 
 COLUMNS = 5
 TICKS = 5  # codes between two labels of a map
-STRONGEST_SHOWN = 0.15  # |V| and |ΔV| at which the colours end: codes that go on as they are lie far beyond
+STRONGEST_SHOWN = 0.15  # |V| and |ΔV| at which the colours end; pairs of a code with itself lie far beyond
 
 
 def link_maps(own: Float[np.ndarray, "C C"], apart: Mapping[str, Float[np.ndarray, "C C"]]) -> Figure:
-    """V of the recordings first, then |ΔV| of each method and yardstick on one scale, its mean above it."""
+    """Draw V of the recordings first, then |ΔV| of each method and yardstick on one scale, its mean above it."""
     rows = -(-(len(apart) + 1) // COLUMNS)
     figure = Figure(figsize=(7.2, 1.55 * rows + 0.5), layout="compressed")
     axes = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
@@ -53,7 +53,7 @@ def link_maps(own: Float[np.ndarray, "C C"], apart: Mapping[str, Float[np.ndarra
 
 
 def differences(methods: Mapping[str, Sequence[float]], yardsticks: Mapping[str, Sequence[float]]) -> Figure:
-    """Mean |ΔV| of every method, a dot for each seed; the yardsticks below; the noise floor and 1.25 times it as lines."""
+    """Draw mean |ΔV| of every method, a dot for each seed, the yardsticks, and lines at 1 and 1.25 noise floors."""
     names = [*methods, *yardsticks]
     values = [np.asarray(seeds, float) for seeds in (*methods.values(), *yardsticks.values())]
     figure = Figure(figsize=(4.4, 0.55 + 0.2 * len(names)), layout="constrained")
@@ -77,7 +77,7 @@ def differences(methods: Mapping[str, Sequence[float]], yardsticks: Mapping[str,
 
 
 def held_out(scores: Mapping[str, Sequence[float]]) -> Figure:
-    """Mean log P of the next code on recordings that were held out: a dot for each fold, joined to the Markov chain's."""
+    """Draw mean log P of the next code on held-out recordings: a dot for each fold, joined to the Markov chain's."""
     names = list(scores)
     values = np.array([scores[name] for name in names])
     figure = Figure(figsize=(4.4, 0.6 + 0.25 * len(names)), layout="constrained")

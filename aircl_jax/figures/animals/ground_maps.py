@@ -1,4 +1,4 @@
-"""Figures 2(b), 2(f), 7 and 8: places, long transitions and activity on the ground."""
+"""Draw Figures 2(b), 2(f), 7 and 8: places, long transitions and activity on the ground."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -38,14 +38,14 @@ class Arrows(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """The located rows of each camera, and the unit of the positions in words."""
+    """Select the located rows of each camera, and name the unit of the positions."""
 
     cameras: dict[str, Rows]
     unit: str
 
 
 def regions(rows: Rows, cell: float, num_places: int) -> tuple[Int[np.ndarray, "H W"], tuple[float, float, float, float]]:
-    """The place that most rows of a square cell name, and the extent (left, right, bottom, top) of the grid.
+    """Find the place that most rows of a square cell name, and the extent (left, right, bottom, top) of the grid.
 
     Cells without rows take the place of the nearest cell with some, at most REACH cells away; −1 beyond.
     """
@@ -63,7 +63,7 @@ def regions(rows: Rows, cell: float, num_places: int) -> tuple[Int[np.ndarray, "
 
 
 def place_map(ground: Ground, places: Sequence[str], cell: float, *, points: bool, simulated: bool) -> Figure:
-    """Figures 2(b) and 8: places as regions of the ground, one panel for each camera; with rows as points if asked."""
+    """Draw Figures 2(b) and 8: places as regions of the ground, one panel for each camera; with rows as points if asked."""
     with mpl.rc_context(STYLE):
         figure, axes = _ground_axes(ground, height=3.4)
         for axis, rows in zip(axes, ground.cameras.values(), strict=True):
@@ -76,7 +76,7 @@ def place_map(ground: Ground, places: Sequence[str], cell: float, *, points: boo
 
 
 def draw_regions(axis: Axes, rows: Rows, num_places: int, cell: float, alpha: float) -> None:
-    """Cells of the ground in the colour of their place."""
+    """Draw the cells of the ground in the colour of their place."""
     winner, extent = regions(rows, cell, num_places)
     axis.imshow(
         np.ma.masked_less(winner, 0),
@@ -93,7 +93,7 @@ def draw_regions(axis: Axes, rows: Rows, num_places: int, cell: float, alpha: fl
 def transition_map(
     ground: Ground, places: Sequence[str], transitions: Sequence[Arrows], cell: float, simulated: bool
 ) -> Figure:
-    """Figure 2(f): every case of a long transition as an arrow over the places, one panel for each transition."""
+    """Draw Figure 2(f): every case of a long transition as an arrow over the places, one panel for each transition."""
     arrow = {"arrowstyle": "-|>", "color": "black", "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.6 * len(transitions), 3.3), layout="constrained")
@@ -111,7 +111,7 @@ def transition_map(
 
 
 def activity_map(ground: Ground, simulated: bool) -> Figure:
-    """Figure 7: rows (animal-seconds) on the ground in log scale, one panel for each camera."""
+    """Draw Figure 7: rows (animal-seconds) on the ground in log scale, one panel for each camera."""
     with mpl.rc_context(STYLE):
         figure, axes = _ground_axes(ground, height=3.0)
         for axis, rows in zip(axes, ground.cameras.values(), strict=True):

@@ -1,4 +1,4 @@
-"""Figures 2(c), (d), (e) and (g): distances of behaviour transitions, maps of pairs of codes, the table of codes."""
+"""Draw Figures 2(c), (d), (e) and (g): distances of behaviour transitions, maps of pairs of codes, the table of codes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,12 +25,12 @@ BLUE, ORANGE, GREY = "#2f6fab", "#d1603d", "#8a8a8a"
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG and nothing else."""
+    """Write the figure to a PNG file."""
     figure.savefig(path, dpi=DPI, bbox_inches="tight", pad_inches=0.05)
 
 
 def distance_histograms(panels: dict[str, tuple[Histogram, str]], unit: str, simulated: bool) -> Figure:
-    """Figure 2(c): a column for each way of counting, with a note on it; histogram above, cumulative share below."""
+    """Draw Figure 2(c): a column for each way of counting, with a note on it; histogram above, cumulative share below."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.2 * len(panels), 4.6), layout="constrained")
         axes = figure.subplots(2, len(panels), sharex=True, sharey="row", squeeze=False, height_ratios=(3, 2))
@@ -71,7 +71,7 @@ def _cumulative(axis: Axes, panel: Histogram) -> None:
 def pair_maps(
     pairs: Pairs, names: Sequence[str], marked: Sequence[tuple[int, int]], unit: str, simulated: bool
 ) -> tuple[Figure, Figure]:
-    """Figures 2(d), mean distance, and 2(e), share of each starting code with the long transitions boxed."""
+    """Draw Figures 2(d), mean distance, and 2(e), share of each starting code with the long transitions boxed."""
     distance = np.where(pairs.located > 0, pairs.mean_distance, np.nan)
     frequency = np.where(pairs.seen > 0, pairs.frequency, np.nan)
     with mpl.rc_context(STYLE):
@@ -98,7 +98,7 @@ def _matrix(values: Float[np.ndarray, "C C"], names: Sequence[str], label: str, 
 
 
 def code_table(names: Sequence[str], rows: Int[np.ndarray, " C"], simulated: bool) -> Figure:
-    """Figure 2(g): the code of each state, with its share of the rows."""
+    """Draw Figure 2(g): the code of each state, with its share of the rows."""
     half = -(-len(names) // 2)
     share = rows / rows.sum()
     cells = [f"{code}  {name}" for code, name in enumerate(names)]

@@ -1,4 +1,4 @@
-"""Maps of a grid: true and learned reward, constraint and occupancy, cell by cell."""
+"""Draw maps of a grid: true and learned reward, constraint and occupancy, cell by cell."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -19,14 +19,14 @@ from aircl_jax.runs.result import Result
 from aircl_jax.types import Trajectory
 from envs.base import Layout, Tabular
 
-UNSEEN = 1e-3  # occupancy below which a cell says nothing about f or δ: neither the expert nor π goes there
+UNSEEN = 1e-3  # occupancy of expert and of π below which f and δ of a cell are not compared
 DIVERGING = "PuOr_r"
-EMPTY = {"+0.0", "−0.0", "0.0"}  # numbers that are not worth a cell's space
-LARGEST_WRITTEN = 8  # grids up to this size have their numbers written into the cells
+EMPTY = {"+0.0", "−0.0", "0.0"}  # numbers that are left out of a cell
+LARGEST_WRITTEN = 8  # numbers are written into the cells of grids up to this size
 
 
 class Map(NamedTuple):
-    """One number a cell, and how it is shown; `doubtful` marks cells whose number nothing backs."""
+    """One number a cell, and how it is shown; `doubtful` marks cells without data for their number."""
 
     title: str
     values: Float[np.ndarray, " C"]
@@ -47,7 +47,7 @@ def draw(result: Result, layout: Layout, table: Tabular, found: Evidence) -> Ite
 
 
 def reward_maps(result: Result, layout: Layout, table: Tabular, maps: GridEvidence) -> Drawing:
-    """True r(c, a) beside the mean over seeds of f(c, a), both centred on the visited cells."""
+    """Draw the true r(c, a) beside the mean over seeds of f(c, a), both centred on the visited cells."""
     true = np.asarray(table.reward)[: layout.size**2]
     seen = (maps.expert_occupancy + maps.occupancy.mean(axis=0)) / 2
     visited = seen > UNSEEN
@@ -72,7 +72,7 @@ def reward_maps(result: Result, layout: Layout, table: Tabular, maps: GridEviden
 
 
 def feasibility_maps(result: Result, layout: Layout, table: Tabular, maps: GridEvidence, found: Evidence) -> Drawing:
-    """δ₁ of each cell beside the true constraint; where one of the two is no matter of cells, both of the paths through."""
+    """Draw δ₁ of each cell beside the true constraint; where either has no value by cell, both of the paths through it."""
     doubtful = np.zeros(layout.size**2, bool)
     if result.plan.method.tests_steps and len(table.cost) == layout.size**2:
         allowed, told = 1.0 - np.asarray(table.cost), "δ₁ of each cell"
@@ -96,7 +96,7 @@ def feasibility_maps(result: Result, layout: Layout, table: Tabular, maps: GridE
 
 
 def occupancy_maps(result: Result, layout: Layout, maps: GridEvidence) -> Drawing:
-    """Share of the timesteps in each cell: the expert's, the policy's, and the difference."""
+    """Draw the share of the timesteps in each cell: the expert's, the policy's, and the difference."""
     expert, policy = 100 * maps.expert_occupancy, 100 * maps.occupancy.mean(axis=0)
     shared, unit = Normalize(0, max(expert.max(), policy.max())), "timesteps (%)"
     bound = max(np.abs(policy - expert).max(), 0.5)
@@ -119,7 +119,7 @@ def occupancy_maps(result: Result, layout: Layout, maps: GridEvidence) -> Drawin
 
 
 def draw_layout(axis: Axes, layout: Layout, filled: bool = False) -> None:
-    """Start, goal and the zones of the constraint, over whatever fills the cells."""
+    """Mark start, goal and the zones of the constraint on a map."""
     for name, cells in layout.zones.items():
         for row, column in cells:
             corner = (column - 0.5, row - 0.5)
@@ -144,7 +144,7 @@ def _corner(axis: Axes, row: int, column: int, name: str) -> None:
 
 
 def _cell_map(axis: Axes, layout: Layout, one: Map) -> None:
-    """Each cell's colour, and its number where there is room; those that are doubtful in brackets."""
+    """Draw each cell's colour, and its number where there is room; doubtful ones in brackets."""
     shape = (layout.size, layout.size)
     colours = mpl.colormaps[one.colours].with_extremes(bad="white")
     image = axis.imshow(one.values.reshape(shape), cmap=colours, norm=one.norm)
@@ -161,7 +161,7 @@ def _cell_map(axis: Axes, layout: Layout, one: Map) -> None:
 
 
 def _ink(colour: Sequence[float]) -> str:
-    """Black or white, whichever is legible on the colour (its luma below or above one half)."""
+    """Choose white or black to write on a colour: its luma is below or above one half."""
     return "white" if np.dot(colour[:3], (0.30, 0.59, 0.11)) < 0.5 else BLACK
 
 
@@ -170,7 +170,7 @@ def _scale(axis: Axes, mappable: Any, label: str) -> None:
 
 
 def _action_map(axis: Axes, layout: Layout, values: Float[np.ndarray, "C A"], norm: Normalize, title: str) -> None:
-    """Each cell in four triangles, up, right, down and left."""
+    """Draw each cell as four triangles: up, right, down and left."""
     row, column = np.divmod(np.arange(layout.size**2), layout.size)
     middle = np.stack([column, row], axis=1)
     corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]])
@@ -190,7 +190,7 @@ def _hide(axis: Axes, layout: Layout, hidden: Bool[np.ndarray, " C"]) -> None:
 
 
 def _mean_through(values: np.ndarray, trajectories: Trajectory) -> Float[np.ndarray, " C"]:
-    """Mean over the trajectories that pass each cell; NaN where none does."""
+    """Average over the trajectories that pass each cell; NaN where none does."""
     through = np.asarray(trajectories.obs).max(axis=1) > 0
     number = through.sum(axis=0)
     return np.where(number > 0, values.astype(float) @ through / np.maximum(number, 1), np.nan)

@@ -1,4 +1,4 @@
-"""Figures of a world of codes: what was recovered by pair of codes, and the activities ranked by their reward."""
+"""Draw a world of codes: what was recovered by pair of codes, and the activities ranked by their reward."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -16,11 +16,11 @@ from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing
 from envs import Codes
 
 PALE = "#f2f2f2"
-SMALL = 5.5  # points, of the names beside a map of codes
+SMALL = 5.5  # font size of the names beside a map of codes, in points
 
 
 def draw(recovered: Recovered, codes: Codes, title: str) -> Iterator[Drawing]:
-    """Reward and feasibility of every pair of codes, then the activities in their order, where they were learned."""
+    """Draw reward and feasibility of every pair of codes, and the activities in order of reward, where they were learned."""
     if np.isfinite(recovered.reward).all():
         yield ranked_activities(recovered, codes, title)
         yield reward_map(recovered, codes, title)
@@ -29,7 +29,7 @@ def draw(recovered: Recovered, codes: Codes, title: str) -> Iterator[Drawing]:
 
 
 def ranked_activities(recovered: Recovered, codes: Codes, title: str) -> Drawing:
-    """A row for each activity that begins often enough: every seed a dot, the mean a bar."""
+    """Draw a row for each activity that begins often enough: every seed a dot, the mean a bar."""
     begun = changes(recovered.seen).sum(axis=0)
     shown = np.flatnonzero(begun >= LEAST_SEEN)
     values = beginning(recovered)[:, shown]
@@ -52,7 +52,7 @@ def ranked_activities(recovered: Recovered, codes: Codes, title: str) -> Drawing
 
 
 def reward_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
-    """f of the pairs that the recordings hold; the others have no evidence but absence."""
+    """Draw f of the pairs that the recordings hold; there are no data for the others."""
     mean = np.where(recovered.seen > 0, recovered.reward.mean(axis=0), np.nan)
     changed = mean[changes(recovered.seen) > 0]
     colours = mpl.colormaps["YlGnBu"].with_extremes(bad=PALE)
@@ -68,7 +68,7 @@ def reward_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
 
 
 def feasibility_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
-    """δ₁ of every pair; what cameras and coding rule out is hatched, what is avoided against chance is boxed."""
+    """Draw δ₁ of every pair. Hatched: ruled out by cameras or coding. Boxed: avoided though chance would show it."""
     style = {"cmap": mpl.colormaps["viridis"], "vmin": 0.0, "vmax": 1.0}
     figure, axis = code_map(recovered.delta.mean(axis=0), codes.names, "feasibility", style)
     _hatch(axis, codes.impossible)
@@ -87,7 +87,7 @@ def feasibility_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
 def code_map(
     values: Float[np.ndarray, "C C"], names: Sequence[str], label: str, style: dict[str, Any], extend: str = "neither"
 ) -> tuple[Figure, Axes]:
-    """A map from code to code with the names beside it and a colour bar."""
+    """Draw a map from code to code with the names beside it and a colour bar."""
     figure = Figure(figsize=(5.6, 4.3), layout="constrained")
     axis = figure.subplots()
     image = axis.imshow(values, interpolation="nearest", **style)

@@ -1,4 +1,4 @@
-"""Figures of a world of nodes: the recovered reward of arriving at each node, and where the animals were, on the maze."""
+"""Draw a world of nodes as a maze: the recovered reward of arriving at each node, and where the animals were."""
 
 from collections.abc import Iterator
 
@@ -18,13 +18,13 @@ LABEL_AT = {"home": (6, -6.2)}  # points from its node to a label: between the c
 
 
 def draw(recovered: Recovered, maze: Maze, title: str) -> Iterator[Drawing]:
-    """The maze coloured by reward, by visits and, where steps are judged, by feasibility."""
+    """Draw the maze coloured by reward, by visits and, where steps are judged, by feasibility."""
     if np.isfinite(recovered.reward).all():
         yield maze_map(recovered, maze, title)
 
 
 def arriving(values: Float[np.ndarray, "S X A"], maze: Maze, seen: Int[np.ndarray, "X A"]) -> Float[np.ndarray, "S X"]:
-    """Mean over the moves to each node from another, as often as D_E makes them; NaN where it never arrives."""
+    """Average over the moves to each node from another, weighted as in D_E; NaN where D_E never arrives."""
     moved = np.where(maze.successor == np.arange(len(maze.successor))[:, None], 0, seen)
     weight = np.zeros(len(seen))
     np.add.at(weight, maze.successor, moved)
@@ -35,7 +35,7 @@ def arriving(values: Float[np.ndarray, "S X A"], maze: Maze, seen: Int[np.ndarra
 
 
 def maze_map(recovered: Recovered, maze: Maze, title: str) -> Drawing:
-    """Reward of arriving at each node beside the number of visits; feasibility where the method has one of steps."""
+    """Draw the reward of arriving at each node beside the number of visits, and the feasibility of steps where there is one."""
     reward, visits = arriving(recovered.reward, maze, recovered.seen), recovered.seen.sum(axis=1)
     judged = bool(np.isfinite(recovered.delta).all())
     panels = 3 if judged else 2

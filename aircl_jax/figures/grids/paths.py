@@ -1,4 +1,4 @@
-"""Trajectories on a grid: paths of the expert, the policy and the sampler, and δ̄ by the order of two zones."""
+"""Draw trajectories on a grid: paths of the expert, the policy and the sampler, and δ̄ by the order of two zones."""
 
 from collections.abc import Iterator, Sequence
 
@@ -26,7 +26,7 @@ def draw(result: Result, layout: Layout, found: Evidence) -> Iterator[Drawing]:
 
 
 def paths(result: Result, layout: Layout, found: Evidence) -> Drawing:
-    """Trajectories of D_E, π and q of the first seed; those that violate are drawn last and in another colour."""
+    """Draw trajectories of D_E, π and q of the first seed, those that violate last and in another colour."""
     first = [first_seed(result.expert), first_seed(found.policy)]
     titles = ["demonstrations $D_E$", r"policy $\pi$"]
     if result.plan.method.draws:
@@ -52,7 +52,7 @@ def paths(result: Result, layout: Layout, found: Evidence) -> Drawing:
 
 
 def order_of_zones(result: Result, layout: Layout, found: Evidence) -> Drawing:
-    """Mean δ̄ of the reference set's trajectories by which of two zones they visit, and in which order."""
+    """Draw the mean δ̄ of the reference set's trajectories by which of two zones they visit, and in which order."""
     one, two = layout.zones
     classes = visits(_visited_cells(result.reference), layout)
     names = [("neither", "neither"), ("first", f"{one} only"), ("second", f"{two} only"), ("back", f"{two}, then {one}")]
@@ -76,7 +76,7 @@ def order_of_zones(result: Result, layout: Layout, found: Evidence) -> Drawing:
 
 
 def visits(cells: Int[np.ndarray, "N T"], layout: Layout) -> dict[str, Bool[np.ndarray, " N"]]:
-    """Which trajectories visit neither zone, the first or the second alone, and both in either order."""
+    """Mark the trajectories that visit neither zone, the first or the second alone, and both in either order."""
     first, second = (np.isin(cells, [_index(cell, layout) for cell in zone]) for zone in layout.zones.values())
     in_order = _any(second & (np.cumsum(first, axis=1) > 0))
     seen_first, seen_second = _any(first), _any(second)
@@ -104,7 +104,7 @@ def draw_paths(axis: Axes, layout: Layout, cells: Int[np.ndarray, "N T"], violat
 
 
 def cells_of(trajectories: Trajectory, layout: Layout) -> Int[np.ndarray, "N T1"]:
-    """The cells seen, and the one that the last action meant: what an episode's last step leads to is not observed."""
+    """List the cells observed, and the cell that the last action aims at, since no observation follows the last step."""
     seen = _visited_cells(trajectories)
     row, column = np.divmod(seen[:, -1], layout.size)
     moved = np.clip(np.stack([row, column], 1) + MOVES[np.asarray(trajectories.action)[:, -1]], 0, layout.size - 1)

@@ -1,4 +1,4 @@
-"""What an additive δ₁ has learned, a curve for each coordinate."""
+"""Draw what an additive δ₁ has learned, a curve for each coordinate."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -9,11 +9,11 @@ from aircl_jax.figures.style import BLUE, GREEN, GREY, ORANGE, Drawing, over_see
 from aircl_jax.runs.result import Result
 
 COLUMNS = 5
-LEAST = -6.0  # lower end of every axis: e^-6 is never
+LEAST = -6.0  # lower end of every axis: a ratio of e^-6
 
 
 def by_coordinate(result: Result, found: Contributions) -> Drawing:
-    """The curves of every seed with their mean, where D_E is, and the true limit. Use within `matplotlib.rc_context(STYLE)`."""
+    """Draw all seeds' curves, their mean, D_E's histogram and the true limit. Use within `matplotlib.rc_context(STYLE)`."""
     limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
     columns = min(COLUMNS, len(found.names))
     rows = -(-len(found.names) // columns)

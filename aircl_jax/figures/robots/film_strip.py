@@ -1,4 +1,4 @@
-"""The film strip of a robot's run: poses of demonstration and policy at even instants, violations marked, over strip charts."""
+"""Draw the film strip of a robot's run: poses of demonstration and policy at even instants, over charts of the constraint."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,14 +10,14 @@ from matplotlib.patches import Polygon
 from aircl_jax.analysis.robot_scene import Scene, Side
 from aircl_jax.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, Drawing
 
-FRAMES = 12  # of each strip; no gait's period in steps is near a 12th of the horizon, so the poses differ
+FRAMES = 12  # frames of each strip; no gait's period is near a 12th of the horizon, so the poses differ
 ROUND = 10  # corners of a capsule's end
-MILLIMETRES = 0.05  # m; a body that stays within is said in millimetres
+MILLIMETRES = 0.05  # m; positions of a body that stays within are written in millimetres
 NAMES = {"expert": ("demonstration", BLACK), "learned": (r"policy $\pi$", BLUE)}
 
 
 def film_strip(scene: Scene, episode: int = 0) -> Drawing:
-    """One episode of each side. Use within `matplotlib.rc_context(STYLE)`."""
+    """Draw one episode of demonstration and policy. Use within `matplotlib.rc_context(STYLE)`."""
     sides = (scene.expert, scene.learned)
     has_delta = scene.expert.delta is not None
     heights = ([1.0, 0.62] + [0.34] * has_delta) * 2
@@ -40,12 +40,12 @@ def film_strip(scene: Scene, episode: int = 0) -> Drawing:
 
 
 def instants(length: int, frames: int = FRAMES) -> np.ndarray:
-    """The middles of equal spans."""
+    """Find the middles of equal spans."""
     return ((np.arange(frames) + 0.5) * length / frames).astype(int)
 
 
 def half_extent(sides: tuple[Side, Side], episode: int) -> Float[np.ndarray, " 2"]:
-    """Half of what one frame must show across and up, around the body's middle."""
+    """Compute half of the width and height of a frame around the body's middle."""
     spans = [np.abs(side.links[episode] - _middle(side.links[episode])[:, None, None]).max(axis=(0, 1, 2)) for side in sides]
     return np.max(spans, axis=0)
 
@@ -55,7 +55,7 @@ def _middle(links: Float[np.ndarray, "T G 2 2"]) -> Float[np.ndarray, "T 2"]:
 
 
 def draw_strip(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray, half: Float[np.ndarray, " 2"]) -> None:
-    """The poses side by side, each moved into its frame; below it its x."""
+    """Draw the poses side by side, each moved into its frame, with its x below."""
     title, colour = NAMES[side.name]
     links, stage = side.links[episode], scene.stage
     millimetres = bool(np.abs(side.across[episode, shown]).max() < MILLIMETRES)
@@ -102,7 +102,7 @@ def _capsule(ends: Float[np.ndarray, "2 2"], radius: float) -> Float[np.ndarray,
 
 
 def draw_chart(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.ndarray) -> None:
-    """What the constraint bounds over the whole episode, violating steps in orange, the frames' instants as ticks above."""
+    """Draw the bounded quantity over the episode: violating steps in orange, the frames' instants as ticks above."""
     length, dt = int(side.length[episode]), scene.stage.dt
     time = (np.arange(length) + 0.5) * dt
     if side.level is not None:
@@ -117,7 +117,7 @@ def draw_chart(axis: Axes, scene: Scene, side: Side, episode: int, shown: np.nda
 
 
 def _shade(axis: Axes, violating: Bool[np.ndarray, " T"], dt: float) -> None:
-    """Every stretch of violating steps, over the full height."""
+    """Shade every stretch of violating steps over the full height."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], violating.astype(int), [0]]))) * dt
     boxes = [[(a, 0), (a, 1), (b, 1), (b, 0)] for a, b in edges.reshape(-1, 2)]
     axis.add_collection(PolyCollection(boxes, fc=ORANGE, ec="none", alpha=0.3, transform=axis.get_xaxis_transform()))

@@ -1,4 +1,4 @@
-"""A page that plays a scene: one HTML file without network or other scripts, numbers packed as integers."""
+"""Write a page that plays a scene: one HTML file without network or other scripts, numbers packed as integers."""
 
 import base64
 import html
@@ -11,12 +11,12 @@ from jaxtyping import Float
 
 from aircl_jax.analysis.robot_scene import Scene, Side
 
-LARGEST = 32_000  # that a 16-bit integer holds, rounded down
-FOLLOWED = 3.0  # paths longer than so many widths of the body are shown by a view that moves along
+LARGEST = 32_000  # largest value of a 16-bit integer, rounded down
+FOLLOWED = 3.0  # the view moves along on paths longer than this many widths of the body
 
 
 def page(scene: Scene) -> str:
-    """The HTML file's text."""
+    """Write the HTML file's text."""
     template = (resources.files("aircl_jax.figures.robots") / "player.html").read_text(encoding="utf-8")
     data = json.dumps(_data(scene), ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
     return template.replace("{{TITLE}}", html.escape(scene.title)).replace("{{DATA}}", data)
@@ -69,7 +69,7 @@ def _packed(values: np.ndarray, kind: str) -> str:
 
 
 def _unit(arrays: list[np.ndarray]) -> float:
-    """What an integer stands for, such that 16 bits hold them all."""
+    """Choose the unit of an integer so that 16 bits hold all values."""
     return max((float(np.abs(array).max()) for array in arrays), default=1.0) / LARGEST
 
 
@@ -78,12 +78,12 @@ def _is_followed(sides: tuple[Side, Side]) -> bool:
 
 
 def _path(links: Float[np.ndarray, "E T G 2 2"]) -> float:
-    """How far across the body's middle goes at most."""
+    """Measure how far the body's middle moves along x at most."""
     return float(np.ptp(links[..., 0].mean(axis=(-2, -1)), axis=1).max())
 
 
 def _width(links: Float[np.ndarray, "E T G 2 2"]) -> float:
-    """How wide the body is at most."""
+    """Measure how wide the body is at most."""
     return float(np.ptp(links[..., 0], axis=(-2, -1)).max())
 
 

@@ -1,4 +1,4 @@
-"""Figures of worlds without a table: what is done and what is observed, the demonstrations beside the policy."""
+"""Draw histograms for worlds without a table: actions and observations, the demonstrations beside the policy."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -17,14 +17,14 @@ from envs.robots.constraints import find_constraint
 
 BINS = 40
 WIDEST = 5.0  # standard deviations of D_E to either side of its mean that a histogram shows at most
-NARROWEST = 1e-3  # width of the histogram of a coordinate that never moves
+NARROWEST = 1e-3  # width of the histogram of a coordinate that stays constant
 COLUMNS = 4
 
 
 class Limit(NamedTuple):
-    """Where a named constraint draws its line: across every action, or across an observed coordinate."""
+    """The limit of a named constraint: on every action, or on an observed coordinate."""
 
-    across: str  # actions, observations
+    across: str  # actions or observations
     values: tuple[float, ...]
 
 
@@ -43,7 +43,7 @@ def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
 
 
 def constraint_limit(env_name: str, settings: Mapping[str, Any]) -> Limit | None:
-    """The limit of a robot's named constraint; None where there is none to draw."""
+    """Find the limit of a robot's named constraint; None where there is none to draw."""
     if "constraint" not in settings:
         return None
     constraint = find_constraint(settings["constraint"], env_name)
@@ -51,7 +51,7 @@ def constraint_limit(env_name: str, settings: Mapping[str, Any]) -> Limit | None
     limit = constraint.limit if isinstance(asked, str) else float(asked)
     if constraint.of == "state_action":
         return Limit("actions", (-limit, limit))
-    return Limit("observations", (limit,)) if constraint.task == "wall" else None  # the wall's x is observed first
+    return Limit("observations", (limit,)) if constraint.task == "wall" else None  # x is the first observation
 
 
 class _Steps(NamedTuple):
@@ -60,7 +60,7 @@ class _Steps(NamedTuple):
 
 
 def _steps(trajectories: Trajectory) -> _Steps:
-    """The unmasked steps of all seeds and trajectories, in one row."""
+    """Flatten the unmasked steps of all seeds and trajectories into one axis."""
     kept = np.asarray(trajectories.mask) > 0
     return _Steps(np.asarray(trajectories.obs)[kept], np.asarray(trajectories.action)[kept])
 
