@@ -135,7 +135,7 @@ def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
     if plan.own is None:
         return sources.demonstrations(plan.env, plan.seeds, plan.config)
     shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
-    if any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations)):
+    if plan.env.expert is not None:
         return shared, sources.demonstrations(plan.env, plan.seeds, plan.config)[1]
     return shared, plan.own if plan.reference is None else plan.reference
 

@@ -147,7 +147,7 @@ def _given(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Tra
     if demonstrations == "default":
         return None, None
     beside = Path(demonstrations).with_name(f"{Path(demonstrations).stem}_reference.npz")
-    scored = not any((env.tabular, env.recorded, env.demonstrations)) and beside.is_file()
+    scored = env.expert is None and beside.is_file()
     return files.load(demonstrations, env), files.load(beside, env) if scored else None
 
 

@@ -13,7 +13,7 @@ OPTIONAL = ("place", "coordinates", "group", "close", "distant")
 
 
 @dataclass(frozen=True)
-class Mapping:
+class ColumnMapping:
     """Which column is which, and what may stand in it. Empty `behaviours` or `places`: whatever the tables hold."""
 
     name: str
@@ -33,7 +33,7 @@ class Mapping:
     coordinate_unit: str = "unknown unit"  # in words, of what figures show
 
 
-def load_mapping(name: str) -> Mapping:
+def load_mapping(name: str) -> ColumnMapping:
     """A shipped mapping by name, or a YAML file. Raises ValueError naming the unknown name or key."""
     path = Path(name) if name.endswith((".yaml", ".yml")) else MAPPINGS / f"{name}.yaml"
     if not path.is_file():
@@ -43,7 +43,7 @@ def load_mapping(name: str) -> Mapping:
         given = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
-    known = [field.name for field in fields(Mapping)]
+    known = [field.name for field in fields(ColumnMapping)]
     if not isinstance(given, dict) or not isinstance(given.get("columns"), dict):
         raise ValueError(f"{path}: a mapping needs the key 'columns'; its keys are {', '.join(known)}")
     given.setdefault("name", path.stem)
@@ -52,7 +52,7 @@ def load_mapping(name: str) -> Mapping:
     for column in REQUIRED:
         if column not in given["columns"]:
             raise ValueError(f"{path}: columns lacks {column!r}; it needs {', '.join(REQUIRED)}")
-    return Mapping(**{key: _converted(path, key, value) for key, value in given.items()})
+    return ColumnMapping(**{key: _converted(path, key, value) for key, value in given.items()})
 
 
 def _labels(value: Any) -> tuple[str, ...]:

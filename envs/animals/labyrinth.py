@@ -15,8 +15,9 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from scipy.special import logsumexp
 
 from envs.animals.data_folder import data_folder
-from envs.base import Discrete, Env, Maze, Recorded, Step, Tabular
+from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.options import LabyrinthOptions
+from envs.views import Maze
 
 Split = Literal["all", "train", "held_out"]
 
@@ -170,14 +171,14 @@ def make_labyrinth(options: LabyrinthOptions) -> Env:
         action_space=Discrete(NUM_ACTIONS),
         reset=reset,
         step=step,
-        simulated=mice.simulated,
         has_reward=mice.simulated,
         tabular=table,
         recorded=Recorded(
             demonstrations=lambda: demonstrations(options, options.split),
             reference=(lambda: reference_set(options)) if mice.simulated else None,
+            simulated=mice.simulated,
         ),
-        maze=Maze(layout(), mice.successor, SIMULATED_MARKS if mice.simulated else MARKS),
+        view=Maze(layout(), mice.successor, SIMULATED_MARKS if mice.simulated else MARKS),
     )
 
 

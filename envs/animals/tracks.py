@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int, Shaped
 
-from envs.animals.columns import Mapping
+from envs.animals.columns import ColumnMapping
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -44,7 +44,7 @@ class Table(NamedTuple):
     columns: dict[str, list[str]]
 
 
-def read_folder(folder: Path, mapping: Mapping) -> Tracks:
+def read_folder(folder: Path, mapping: ColumnMapping) -> Tracks:
     """Every table in and below `folder`. Raises ValueError where there is none, one is malformed or two overlap."""
     files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES)
     if not files:
@@ -103,7 +103,7 @@ def _parser_words(message: str) -> str:
     return " ".join(message.split())
 
 
-def parse(table: Table, mapping: Mapping) -> Tracks:
+def parse(table: Table, mapping: ColumnMapping) -> Tracks:
     """Our columns of one table. Raises ValueError, in one line with file, row and column, for the first thing wrong."""
     check = _Checker(table, mapping)
     number = len(table.row)
@@ -137,7 +137,7 @@ def parse(table: Table, mapping: Mapping) -> Tracks:
 class _Checker:
     """Reads the columns of one table; raises for the first bad row with the file, the row, the column and the value."""
 
-    def __init__(self, table: Table, mapping: Mapping) -> None:
+    def __init__(self, table: Table, mapping: ColumnMapping) -> None:
         self.table = table
         self.names: dict[str, str] = {ours: name for ours, name in mapping.columns.items() if ours != "coordinates"}
         coordinates = mapping.columns.get("coordinates", ())
@@ -182,7 +182,7 @@ class _Checker:
         self._each(name, _is_number, "is not a number")
         return np.array(self.table.columns[name], dtype=np.float64)
 
-    def positions(self, mapping: Mapping) -> Float[np.ndarray, "R 3"]:
+    def positions(self, mapping: ColumnMapping) -> Float[np.ndarray, "R 3"]:
         """Three coordinates, NaN where the mapping calls them missing or has none; a third that it lacks is 0."""
         position = np.full((len(self.table.row), 3), np.nan)
         if isinstance(mapping.columns.get("coordinates"), str):

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from envs.animals.columns import Mapping
+from envs.animals.columns import ColumnMapping
 from envs.animals.tracks import Tracks
 
 Coding = Literal["bout", "step"]
@@ -60,7 +60,7 @@ class Coded(NamedTuple):
     places: tuple[str, ...]
 
 
-def code_rows(tracks: Tracks, mapping: Mapping, coding: Coding = "bout", other_groups: bool = False) -> Coded:
+def code_rows(tracks: Tracks, mapping: ColumnMapping, coding: Coding = "bout", other_groups: bool = False) -> Coded:
     """Codes of the rows kept: behaviours, then "moving to PLACE" for every place, then one for what was not annotated.
 
     `bout`: a whole run of moving that ends elsewhere (the place of the first row after it, or of its last row at the

@@ -10,8 +10,6 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from envs import Env, Step
 
-RESTART = -1.0  # cost of the step that puts a fallen body back on its feet: no step of the task, and masked
-
 
 def weakened(env: Env, limit: Float[Array, ""]) -> Env:
     """The same world with motors that stop at ±limit; to ask for more costs what going beyond a torque limit costs."""
@@ -35,7 +33,7 @@ def restarting(env: Env, fall_cost: float) -> Env:
         inner, fallen = state
         moved, result = env.step(key, inner, action)
         risen, obs = env.reset(key)
-        again = Step(obs, jnp.zeros(()), jnp.full((), RESTART), jnp.zeros(()))
+        again = Step(obs, *[jnp.zeros(())] * 3, counts=0.0)  # no step of the task
         pick = partial(jnp.where, fallen > 0)
         ended = pick(0.0, result.terminated)
         lasting = result._replace(cost=jnp.maximum(result.cost, fall_cost * result.terminated), terminated=jnp.zeros(()))

@@ -6,18 +6,19 @@ import io
 from collections.abc import Callable
 from importlib import resources
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from envs.base import Env, Step
+from envs.base import Env, Limit, Step
 from envs.options import RobotOptions
 from envs.robots.bodies import Body
-from envs.robots.constraints import find_constraint
+from envs.robots.constraints import Constraint, find_constraint, never
 from envs.robots.planar.dynamics import planar_physics
 from envs.robots.tasks import ROBOTS, RobotState
+from envs.views import Coordinates
 
 DIVERGED = 1e3  # m, rad, m/s or rad/s; no body comes near it, so a state beyond it, or not finite, is no physics
 ABSENT_WARP = ("Failed to import warp", "Failed to import mujoco_warp")  # what MJX prints on standard output
@@ -49,6 +50,7 @@ def _make(name: str, options: RobotOptions) -> Env:
     physics = ENGINES[options.engine](model, body, options.integrator)
     dt = float(model.opt.timestep) * body.frame_skip
     rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
+    hidden = model.nq + model.nv - task.observe(rest).size  # joints whose position is not observed, the first ones
 
     def reset(key: PRNGKeyArray) -> tuple[RobotState, Float[Array, " O"]]:
         """The rest pose plus uniform noise on qpos and qvel (Gymnasium)."""
@@ -79,16 +81,27 @@ def _make(name: str, options: RobotOptions) -> Env:
         reset=reset,
         step=step,
         constraint_input=constraint.of,
-        demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
-        coordinates=_coordinates(model, task.observe(rest).size),
-        motors=tuple(f"motor {_spoken(model.joint(model.actuator(index).trnid[0]).name)}" for index in range(model.nu)),
+        shipped_demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
+        view=_view(model, hidden),
+        limit=None if constraint.violated is never else Limit(options.constraint, limit, _bounds(constraint, hidden)),
     )
 
 
-def _coordinates(model: Any, number: int) -> tuple[str, ...]:
-    """Names of the joints that are observed, the last of them, and of all their velocities."""
+def _view(model: Any, hidden: int) -> Coordinates:
+    """Name the coordinates by the joints that are observed, the last of them, and by all their velocities."""
     joints = [_spoken(model.joint(index).name) for index in range(model.njnt)]
-    return (*joints[len(joints) - (number - model.nv) :], *(f"velocity of {name}" for name in joints))
+    driven = [_spoken(model.joint(model.actuator(index).trnid[0]).name) for index in range(model.nu)]
+    return Coordinates(
+        names=(*joints[hidden:], *(f"velocity of {name}" for name in joints)),
+        motors=tuple(f"motor {name}" for name in driven),
+    )
+
+
+def _bounds(constraint: Constraint, hidden: int) -> int | Literal["actions"] | None:
+    """Turn what the constraint bounds into a coordinate of the observation; None where it is not observed."""
+    if constraint.bounds is None or constraint.bounds == "actions":
+        return constraint.bounds
+    return constraint.bounds - hidden if constraint.bounds >= hidden else None
 
 
 def _spoken(name: str) -> str:

@@ -191,12 +191,12 @@ def test_a_scene_is_that_of_the_seed_asked_for(scene, result):
     assert len(scene.expert.length) == len(scene.learned.length) == 2  # as many as there are demonstrations
 
 
-def test_a_constraint_of_ones_own_has_violations_and_no_line(result, monkeypatch):
+def test_a_constraint_of_ones_own_has_violations_and_no_line(run_dir, monkeypatch):
     def never_seen(qpos, action, limit):
         return qpos[1] > limit
 
     monkeypatch.setitem(CONSTRAINTS["position"], "pendulum", Constraint(never_seen, limit=0.1, task="wall"))
-    scene = robot_scene.gather(result, episodes=1)
+    scene = robot_scene.gather(load(run_dir), episodes=1)
     assert (scene.quantity, scene.limits, scene.wall, scene.learned.level) == ("", (), None, None)
     assert "limit" not in film(scene)[1]
     assert '"level":null' in player.page(scene)
