@@ -14,7 +14,7 @@ from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.demonstrations import sources
 from aircl_jax.model.networks import Networks, make_networks
 from aircl_jax.reports import run_report
-from aircl_jax.reports.alarms import alarms
+from aircl_jax.reports.alarms import alarms, untuned
 from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
 from aircl_jax.runs.loop import Progress, Row, Stopwatch, run_session
@@ -159,7 +159,7 @@ def _result(
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=alarms(summary["seeds"], per_seed),
+        alarms=untuned(plan.env.name) + alarms(summary["seeds"], per_seed),
         history=read_metrics(directory.path) if directory else stack(rows),
         plan=plan,
         networks=networks,

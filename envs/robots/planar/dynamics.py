@@ -210,9 +210,10 @@ def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int
 
 
 def _of_one(many: Callable[..., tuple[Array, Array]]) -> Callable[..., tuple[Array, Array]]:
-    """A function of arrays [..., N] as one of an environment's; a `vmap` of it calls `many` and keeps environments last.
+    """Turn `many`, which takes N environments on the last axis, into a function of one whose `vmap` calls `many` once.
 
-    A plain `vmap` would put them first. The rule knows no reverse mode, so derivatives are those of `many` at N = 1.
+    A plain `vmap` would put the environments first. The batching rule has no reverse mode, so derivatives are taken
+    through `many` at N = 1.
     """
 
     def plain(*inputs: Array) -> tuple[Array, Array]:
