@@ -1,4 +1,4 @@
-"""Which column of a table of tracks is which: a YAML file for every kind of animal and format."""
+"""Names of the columns in a table of tracks: a YAML file for every kind of animal and format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -14,7 +14,7 @@ OPTIONAL = ("place", "coordinates", "group", "close", "distant")
 
 @dataclass(frozen=True)
 class ColumnMapping:
-    """Which column is which, and what may stand in it. Empty `behaviours` or `places`: whatever the tables hold."""
+    """Names of the columns and their allowed values. Empty `behaviours` or `places` allow whatever the tables hold."""
 
     name: str
     columns: dict[str, Any]  # ours → theirs; `coordinates` is one column "[x;y;z]" or a list of columns
@@ -34,7 +34,7 @@ class ColumnMapping:
 
 
 def load_mapping(name: str) -> ColumnMapping:
-    """A shipped mapping by name, or a YAML file. Raises ValueError naming the unknown name or key."""
+    """Load a shipped mapping by name, or a YAML file. Raises ValueError naming the unknown name or key."""
     path = Path(name) if name.endswith((".yaml", ".yml")) else MAPPINGS / f"{name}.yaml"
     if not path.is_file():
         shipped = ", ".join(sorted(file.stem for file in MAPPINGS.glob("*.yaml")))

@@ -67,7 +67,7 @@ def _load(options: MeerkatOptions, folder: Path | None) -> Herd:
 
 
 def _impossible(windows: Windows, mapping: ColumnMapping, options: MeerkatOptions) -> Bool[np.ndarray, "C C"]:
-    """Pairs of codes that no one camera sees, and two moves in a row, which are one bout."""
+    """Mark impossible pairs of codes: those that no one camera sees, and two moves in a row, which are one bout."""
     size, sites = len(windows.names), np.unique(windows.site)
     seen = np.array([np.isin(np.arange(size), windows.code[windows.site == site]) for site in sites])
     together = (seen[:, :, None] & seen[:, None, :]).any(axis=0)
@@ -77,7 +77,7 @@ def _impossible(windows: Windows, mapping: ColumnMapping, options: MeerkatOption
 
 
 def make_meerkat(options: MeerkatOptions) -> Env:
-    """The world of the windows; the simulated mob alone has a true reward and cost. ValueError as from `load`."""
+    """Make the world of the windows. Only the simulated mob has a true reward and cost. Raises ValueError as `load` does."""
     herd = load(options)
     table = {"code": _code_table, "place": _place_table}[options.state](herd)
     step = _code_step(herd, table) if options.state == "code" else _table_step(table)
@@ -140,7 +140,7 @@ def _code_table(herd: Herd) -> Tabular:
 def _tabular(
     transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray | None, start: np.ndarray, obs: np.ndarray
 ) -> Tabular:
-    """Nothing is forbidden where no truth is known, and the cost is NaN."""
+    """Forbid nothing where no truth is known; the cost is then NaN."""
     nothing = np.zeros(len(start))
     cost, barred = (nothing + np.nan, nothing) if forbidden is None else (forbidden, forbidden)
     arrays = (transition, reward, cost, barred, start, obs, nothing)

@@ -45,7 +45,7 @@ class Table(NamedTuple):
 
 
 def read_folder(folder: Path, mapping: ColumnMapping) -> Tracks:
-    """Every table in and below `folder`. Raises ValueError where there is none, one is malformed or two overlap."""
+    """Read every table in and below `folder`. Raises ValueError where there is none, one is malformed or two overlap."""
     files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES)
     if not files:
         raise ValueError(f"{folder}: no table of tracks in or below it; looked for {', '.join(SUFFIXES)}")
@@ -59,7 +59,7 @@ def read_folder(folder: Path, mapping: ColumnMapping) -> Tracks:
 
 
 def read_table(file: Path) -> Table:
-    """One CSV (UTF-8, any line ends) or Parquet file. Raises ValueError naming file and row where it cannot be read."""
+    """Read one CSV (UTF-8, any line ends) or Parquet file. Raises ValueError naming file and row where it cannot be read."""
     table = _read_parquet(file) if file.suffix.lower() == ".parquet" else _read_csv(file)
     columns = {str(name): ["" if text is pd.NA else str(text) for text in table[name].tolist()] for name in table}
     return Table(file, table.index.to_numpy(dtype=np.int64), columns)

@@ -68,7 +68,7 @@ CONSTRAINTS: dict[str, dict[str, Constraint]] = {
 
 
 def find_constraint(name: str, body: str) -> Constraint:
-    """The row of CONSTRAINTS for this body. Raises ValueError where the body has no such constraint."""
+    """Find the row of CONSTRAINTS for this body. Raises ValueError where the body has no such constraint."""
     choices = [known for known, bodies in CONSTRAINTS.items() if body in bodies]
     if name not in choices:
         raise ValueError(f"unknown constraint {name!r} of {body}; choose from {', '.join(choices)}")

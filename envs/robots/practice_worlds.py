@@ -12,7 +12,7 @@ from envs import Env, Step
 
 
 def weakened(env: Env, limit: Float[Array, ""]) -> Env:
-    """The same world with motors that stop at ±limit; to ask for more costs what going beyond a torque limit costs."""
+    """Give the world motors that stop at ±limit. Asking for more has cost 1."""
 
     def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
         state, result = env.step(key, state, jnp.clip(action, -limit, limit))
@@ -23,7 +23,7 @@ def weakened(env: Env, limit: Float[Array, ""]) -> Env:
 
 
 def restarting(env: Env, fall_cost: float) -> Env:
-    """The same world without an end: terminating costs `fall_cost`, and the next step resets and is masked."""
+    """Replace the world's end by a reset. Terminating has cost `fall_cost`; the next step resets and does not count."""
 
     def reset(key: PRNGKeyArray) -> tuple[Any, Float[Array, " O"]]:
         state, obs = env.reset(key)
@@ -44,5 +44,5 @@ def restarting(env: Env, fall_cost: float) -> Env:
 
 
 def clipped_world(env: Env, limit: float) -> Env:
-    """The same world for whom every action is clipped to ±limit first."""
+    """Clip every action to ±limit first."""
     return replace(env, step=lambda key, state, action: env.step(key, state, jnp.clip(action, -limit, limit)))

@@ -28,17 +28,17 @@ Physics = Callable[[Vector, Vector, Float[Array, " A"]], tuple[Vector, Vector]]
 
 
 def make_swimmer(options: RobotOptions) -> Env:
-    """The swimmer: three links in a viscous fluid. Raises ValueError on a wrong setting."""
+    """Make the swimmer: three links in a viscous fluid. Raises ValueError on a wrong setting."""
     return _make("swimmer", options)
 
 
 def make_walker(options: RobotOptions) -> Env:
-    """The two-legged walker. Raises ValueError on a wrong setting."""
+    """Make the two-legged walker. Raises ValueError on a wrong setting."""
     return _make("walker", options)
 
 
 def make_pendulum(options: RobotOptions) -> Env:
-    """The inverted pendulum on a cart. Raises ValueError on a wrong setting."""
+    """Make the inverted pendulum on a cart. Raises ValueError on a wrong setting."""
     return _make("pendulum", options)
 
 
@@ -53,13 +53,13 @@ def _make(name: str, options: RobotOptions) -> Env:
     hidden = model.nq + model.nv - task.observe(rest).size  # joints whose position is not observed, the first ones
 
     def reset(key: PRNGKeyArray) -> tuple[RobotState, Float[Array, " O"]]:
-        """The rest pose plus uniform noise on qpos and qvel (Gymnasium)."""
+        """Start in the rest pose plus uniform noise on qpos and qvel (Gymnasium)."""
         noise = jax.random.uniform(key, (2 * model.nv,), minval=-body.reset_noise, maxval=body.reset_noise)
         state = _add(rest, noise)
         return state, task.observe(state)
 
     def step(key: PRNGKeyArray, state: RobotState, action: Float[Array, " A"]) -> tuple[RobotState, Step]:
-        """One control step: reward before the transition noise; observation, cost and end after it."""
+        """Take one control step. The reward precedes the transition noise; observation, cost and end follow it."""
         action = box.clip(action)
         moved = RobotState(*physics(state.qpos, state.qvel, action))
         sound = jnp.abs(jnp.concatenate(moved)).max() < DIVERGED  # False for NaN too
@@ -109,7 +109,7 @@ def _spoken(name: str) -> str:
 
 
 def _shipped(name: str) -> str | None:
-    """The name, where envs/demonstrations holds such a file: made under the constraint's default limit."""
+    """Return the name if envs/demonstrations has that file. Its limit is the constraint's default."""
     return name if (resources.files("envs") / "demonstrations" / f"{name}.npz").is_file() else None
 
 
@@ -118,7 +118,7 @@ def _add(state: RobotState, noise: Float[Array, " N"]) -> RobotState:
 
 
 def compile_model(body: Body, integrator: str) -> Any:
-    """The body's compiled `MjModel`, with the solver settings of its row."""
+    """Compile the body's `MjModel` with the solver settings of its row."""
     mujoco: Any = importlib.import_module("mujoco")
     model = mujoco.MjModel.from_xml_string(body.mjcf)
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
@@ -129,7 +129,7 @@ def compile_model(body: Body, integrator: str) -> Any:
 
 
 def mjx_physics(model: Any, body: Body, integrator: str) -> Physics:
-    """One control step by `mjx.step`; the engine that `planar` is tested against."""
+    """Make the control step by `mjx.step`, the engine that `planar` is tested against."""
     mjx = import_mjx()
     device_model = mjx.put_model(model)
     template = mjx.make_data(device_model)
@@ -155,7 +155,7 @@ ENGINES: dict[str, Callable[[Any, Body, str], Physics]] = {"planar": _planar, "m
 
 
 def import_mjx() -> ModuleType:
-    """`mujoco.mjx`, imported late (it takes seconds) and without its two lines about an absent warp."""
+    """Import `mujoco.mjx`, which takes seconds, without its two printed lines about an absent warp."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         mjx = importlib.import_module("mujoco.mjx")
