@@ -4,6 +4,7 @@ from copy import copy
 from dataclasses import replace
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from envs import Box, Codes, Coordinates, Discrete, Grid, Limit, Step, make_env
@@ -51,7 +52,7 @@ FITTING = Step(jnp.zeros(4), jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
             "tabular.transition has shape [9, 4, 9]; choose [9, 2, 9]",
         ),
         ({"view": Grid(3, (0, 0), (2, 2), {})}, "view names 9 coordinates; choose 4, as obs_size says"),
-        ({"view": Codes(("eat", "rest"), jnp.zeros((2, 2), bool))}, "view names 2 coordinates; choose 4"),
+        ({"view": Codes(("eat", "rest"), np.zeros((2, 2), bool))}, "view names 2 coordinates; choose 4"),
         ({"view": Coordinates(motors=("hip",))}, "view names 1 motors; choose 2, or none"),
         ({"limit": Limit("wall", 0.5, 4)}, "limit.bounds=4; choose a coordinate from 0 to 3, actions, or None"),
     ],
