@@ -14,7 +14,7 @@ from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.demonstrations import sources
 from aircl_jax.model.networks import Networks
 from aircl_jax.reports import run_report
-from aircl_jax.reports.alarms import alarms
+from aircl_jax.reports.alarms import alarms, untuned
 from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
 from aircl_jax.runs.loop import Progress, Row, Stopwatch, run_session
@@ -136,7 +136,7 @@ def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
     if plan.own is None:
         return sources.demonstrations(plan.env, plan.seeds, plan.config)
     shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
-    if any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations)):
+    if plan.env.expert is not None:
         return shared, sources.demonstrations(plan.env, plan.seeds, plan.config)[1]
     return shared, plan.own if plan.reference is None else plan.reference
 
@@ -160,7 +160,7 @@ def _result(
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=alarms(summary["seeds"], per_seed),
+        alarms=untuned(plan.env.name) + alarms(summary["seeds"], per_seed),
         history=read_metrics(directory.path) if directory else stack(rows),
         plan=plan,
         networks=networks,

@@ -1,9 +1,10 @@
 """Constrained worlds in pure JAX. This package imports nothing of `aircl_jax`."""
 
-from envs.base import Box, Codes, Discrete, Env, Maze, Recorded, Step, Tabular
+from envs.base import Box, Discrete, Env, Limit, Recorded, Shipped, SoftOptimalExpert, Step, Tabular
 from envs.brax_adapter import adapt
 from envs.registry import ENVS, make_env
 from envs.robots.constraints import CONSTRAINTS, Constraint
+from envs.views import Codes, Coordinates, Grid, Maze
 
 __all__ = [
     "CONSTRAINTS",
@@ -11,10 +12,15 @@ __all__ = [
     "Box",
     "Codes",
     "Constraint",
+    "Coordinates",
     "Discrete",
     "Env",
+    "Grid",
+    "Limit",
     "Maze",
     "Recorded",
+    "Shipped",
+    "SoftOptimalExpert",
     "Step",
     "Tabular",
     "adapt",

@@ -6,8 +6,9 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, Shaped
+from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
+
+from envs.views import BY_NUMBER, Codes, Coordinates, Maze, View
 
 
 class Step(NamedTuple):
@@ -17,6 +18,7 @@ class Step(NamedTuple):
     reward: Float[Array, ""]
     cost: Float[Array, ""]
     terminated: Float[Array, ""]
+    counts: Float[Array, ""] | float = 1.0  # 0: no step of the task, as when a practice world resets; it is masked
 
 
 @dataclass(frozen=True)
@@ -74,28 +76,11 @@ class Tabular(NamedTuple):
     goal: Float[Array, " X"]  # 1 where the episode has succeeded (all 0 in a world without a goal)
 
 
-class Layout(NamedTuple):
-    """A square grid as it is drawn; cells are [row, column], and observation i is one-hot of [i // size, i % size]."""
+class SoftOptimalExpert(NamedTuple):
+    """The exact expert of a finite world: a soft-optimal policy that never enters what is forbidden."""
 
-    size: int
-    start: tuple[int, int]
-    goal: tuple[int, int]
-    zones: dict[str, tuple[tuple[int, int], ...]]  # the cells that the constraint speaks of, by name
-
-
-class Codes(NamedTuple):
-    """A world of codes: observation i is one-hot of code i, and action j makes j the next code."""
-
-    names: tuple[str, ...]
-    impossible: Bool[np.ndarray, "C C"]  # [from, to] that recording and coding rule out, whatever the animals want
-
-
-class Maze(NamedTuple):
-    """A world of nodes: observation i is one-hot of node i; where to draw the nodes, and which ones have a name."""
-
-    position: Float[np.ndarray, "X 2"]
-    successor: Int[np.ndarray, "X A"]
-    marks: dict[str, int]
+    table: Tabular
+    temperature: float
 
 
 class Recorded(NamedTuple):
@@ -103,6 +88,29 @@ class Recorded(NamedTuple):
 
     demonstrations: Callable[[], dict[str, Any]]
     reference: Callable[[], dict[str, Any]] | None  # None: nothing is known by which to score a feasibility
+    simulated: bool = False  # stands in for recordings of animals
+
+
+class Shipped(NamedTuple):
+    """Demonstrations in envs/demonstrations: NAME.npz, and NAME_reference.npz to score by."""
+
+    name: str
+
+
+Expert = SoftOptimalExpert | Recorded | Shipped
+
+
+class Limit(NamedTuple):
+    """The line that a constraint draws. Figures read it; nothing that learns does."""
+
+    name: str  # of the constraint
+    value: float
+    bounds: int | Literal["actions"] | None  # a coordinate of the observation, every |action|, or nothing that is seen
+
+    @property
+    def lines(self) -> tuple[float, ...]:
+        """Where to draw it: at ±value across actions, at the value across a coordinate."""
+        return (-self.value, self.value) if self.bounds == "actions" else (self.value,)
 
 
 def _identity(obs: Float[Array, " O"]) -> Float[Array, " R"]:
@@ -123,18 +131,28 @@ class Env:
     reward_view: Callable[[Float[Array, " O"]], Float[Array, " R"]] = _identity  # the smooth coordinates that f may see
     reward_view_size: int = 0  # R; 0 stands for obs_size
     constraint_input: Literal["state", "action", "state_action"] = "state"  # what a constraint of this kind of task speaks of
-    simulated: bool = False  # stands in for recordings of animals
     has_reward: bool = True  # False for animals: there is no true reward to read, and `step` gives NaN
+    success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal
     tabular: Tabular | None = None  # the world as tables, where it is finite
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
-    success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal
     recorded: Recorded | None = None  # demonstrations of the world's own data, where it has some
-    demonstrations: str | None = None  # name of the shipped D_E (and of its reference set), where experts are trained
-    layout: Layout | None = None  # how to draw a world whose observations are the cells of a grid
-    codes: Codes | None = None  # what the codes of a world of codes are called
-    maze: Maze | None = None  # how to draw a world whose observations are the nodes of a maze
-    coordinates: tuple[str, ...] = ()  # what figures call those of an observation; by number where there are none
-    motors: tuple[str, ...] = ()  # what figures call the components of a Box's action; likewise
+    shipped_demonstrations: str | None = None  # name of the shipped D_E and its reference set, where experts are trained
+    view: View = BY_NUMBER  # how to draw the world, and what its observations and actions are called
+    limit: Limit | None = None  # the line that its constraint draws, where there is one
+
+    @property
+    def expert(self) -> Expert | None:
+        """Where demonstrations come from: the world's own recordings, else its exact expert, else a shipped file."""
+        if self.recorded is not None:
+            return self.recorded
+        if self.tabular is not None:
+            return SoftOptimalExpert(self.tabular, self.expert_temperature)
+        return None if self.shipped_demonstrations is None else Shipped(self.shipped_demonstrations)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the demonstrations stand in for recordings of animals."""
+        return self.recorded is not None and self.recorded.simulated
 
     @property
     def title(self) -> str:
@@ -143,13 +161,17 @@ class Env:
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:
-        return self.coordinates or tuple(f"coordinate {index}" for index in range(self.obs_size))
+        """What figures call the coordinates of an observation."""
+        named = self.view.names if isinstance(self.view, Coordinates) else ()
+        return named or tuple(f"coordinate {index}" for index in range(self.obs_size))
 
     @property
     def motor_names(self) -> tuple[str, ...]:
-        return self.motors or tuple(f"action {index}" for index in range(self.action_space.feature_size))
+        """What figures call the components of a Box's action."""
+        named = self.view.motors if isinstance(self.view, Coordinates) else ()
+        return named or tuple(f"action {index}" for index in range(self.action_space.feature_size))
 
     @property
     def enumerated(self) -> bool:
         """Whether observations are one-hot of few codes or nodes, so that a function of a step is a small table."""
-        return (self.codes is not None or self.maze is not None) and not self.finite_horizon
+        return isinstance(self.view, Codes | Maze) and not self.finite_horizon

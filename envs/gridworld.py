@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from envs.base import Discrete, Env, Layout, Step, Tabular
+from envs.base import Discrete, Env, Step, Tabular
 from envs.options import GridOptions, NonMarkovOptions
+from envs.views import Grid
 
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])  # up, right, down, left
 
@@ -135,7 +136,7 @@ def _env(name: str, options: GridOptions | NonMarkovOptions, table: Tabular, zon
         expert_temperature=options.temperature,
         # The rewards telescope to scale × the distance covered, so the whole distance means the goal.
         success_return=options.reward_scale * float(np.abs(np.subtract(options.start, options.goal)).sum()),
-        layout=Layout(options.size, options.start, options.goal, zones),
+        view=Grid(options.size, options.start, options.goal, zones),
     )
 
 

@@ -31,7 +31,9 @@ def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) ->
         env_state, step = env.step(key_env, env_state, action)
         reward = jnp.zeros(()) if assumes_no_reward else step.reward
         carry = (env_state, step.obs, alive * (1.0 - step.terminated))
-        return carry, Trajectory(obs, action, log_prob, value, reward, step.cost, mask=alive, bootstrap=jnp.zeros(()))
+        return carry, Trajectory(
+            obs, action, log_prob, value, reward, step.cost, mask=alive * step.counts, bootstrap=jnp.zeros(())
+        )
 
     steps = (jnp.arange(env.horizon), jax.random.split(key_steps, env.horizon))
     (_, last_obs, alive), trajectory = jax.lax.scan(one_step, (env_state, first_obs, jnp.ones(())), steps)

@@ -51,6 +51,13 @@ def unobserved(body: Body) -> list[str]:
     return [body.model.joint(int(joint)).name for joint in np.flatnonzero(hidden)]
 
 
+def joint_label(body: Body, joint: int) -> str:
+    """Name a joint's coordinate with its unit."""
+    mujoco: Any = importlib.import_module("mujoco")
+    slides = body.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+    return f"{body.model.joint(joint).name.replace('_', ' ')} ({'m' if slides else 'rad'})"
+
+
 def positions(body: Body, obs: Float[np.ndarray, "N T O"]) -> Vectors:
     """Compute qpos of every step; hidden positions are summed from velocities, q_t = q_0 + Σ dt (v_{u−1} + v_u)/2.
 

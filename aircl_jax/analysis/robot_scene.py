@@ -1,8 +1,8 @@
 """Gather a robot's episodes for a picture: poses, violations and δ₁ by step, of demonstrations and of the learned policy."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -10,11 +10,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.analysis.episodes import KEY_FIGURES
-from aircl_jax.analysis.robot_poses import Body, Stage, links, make_body, positions, unobserved
+from aircl_jax.analysis.robot_poses import Body, Stage, joint_label, links, make_body, positions, unobserved
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.types import TrainState, Trajectory
-from envs.robots.constraints import Constraint, Predicate, find_constraint, torque_above, x_above, x_below
+from envs import Limit
 
 
 class Side(NamedTuple):
@@ -46,19 +46,12 @@ class Scene(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """What a predicate bounds: its name, and its value from qpos [N, T, V] and the clipped action [N, T, A]."""
+    """What the constraint bounds: its name, its limits, and its value from qpos [N, T, V] and the clipped action [N, T, A]."""
 
     label: str
+    limits: tuple[float, ...]
     value: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    wall: bool = False  # the limit is a place along x
-
-
-_ACROSS = Quantity("x (m)", lambda qpos, action: qpos[..., 0], wall=True)
-QUANTITIES: dict[Predicate, Quantity] = {
-    torque_above: Quantity("largest |action|", lambda qpos, action: np.abs(action).max(axis=-1)),
-    x_above: _ACROSS,
-    x_below: _ACROSS,
-}
+    wall: bool  # the limit is a place across
 
 
 def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
@@ -67,24 +60,23 @@ def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
     With fewer demonstrations than `episodes`, both have fewer. Raises ValueError where the world is not a robot.
     """
     env, settings = result.plan.env, result.plan.env_settings
-    body, constraint = make_body(env.name, settings), find_constraint(settings["constraint"], env.name)
-    quantity, state = QUANTITIES.get(constraint.violated), result.state(index)
+    body, state = make_body(env.name, settings), result.state(index)
+    quantity = _quantity(env.limit, body)
     demonstrations = jax.tree.map(lambda leaf: leaf[index, :episodes], result.expert)
     fresh = jax.jit(partial(_roll_out, result.networks, len(demonstrations.mask)))(state)
     judge = jax.jit(jax.vmap(lambda one: (result.step_feasibility(one, index), result.feasibility(one, index))))
     expert, learned = (
-        _side(name, result, body, constraint, trajectories, judge(trajectories))
+        _side(name, result, body, quantity, trajectories, judge(trajectories))
         for name, trajectories in (("expert", demonstrations), ("learned", fresh))
     )
-    limit = _limit(constraint, settings)
     return Scene(
         title=f"{result.summary['method']} on {env.name}, seed {result.summary['seeds'][index]}, iteration {int(state.step)}",
         stage=body.stage,
         expert=expert,
         learned=learned,
         quantity=quantity.label if quantity else "",
-        limits=(limit,) if quantity else (),
-        wall=limit if quantity and quantity.wall else None,
+        limits=quantity.limits if quantity else (),
+        wall=quantity.limits[0] if quantity and quantity.wall else None,
         note=_note(body),
     )
 
@@ -95,16 +87,16 @@ def _roll_out(nets: Networks, number: int, state: TrainState) -> Trajectory:
 
 
 def _side(
-    name: str, result: Result, body: Body, constraint: Constraint, trajectories: Trajectory, judged: tuple[Array, Array]
+    name: str, result: Result, body: Body, quantity: Quantity | None, trajectories: Trajectory, judged: tuple[Array, Array]
 ) -> Side:
     method, space = result.plan.method, result.plan.env.action_space
     obs, mask, reward, cost = (
         np.asarray(leaf) for leaf in (trajectories.obs, trajectories.mask, trajectories.reward, trajectories.cost)
     )
     action = np.asarray(jax.vmap(jax.vmap(space.features))(trajectories.action))  # as clipped
-    qpos, length, quantity = positions(body, obs), mask.sum(axis=1).astype(int), QUANTITIES.get(constraint.violated)
+    qpos, length = positions(body, obs), mask.sum(axis=1).astype(int)
     violating = np.nan_to_num(cost * mask) > 0
-    if constraint.of == "state":  # the cost of a step is that of the state after it, which the next pose shows
+    if result.plan.env.constraint_input == "state":  # a step's cost is of the state after it, which the next pose shows
         violating = np.pad(violating, [(0, 0), (1, 0)])[:, :-1] & (mask > 0)
     return Side(
         name=name,
@@ -120,8 +112,15 @@ def _side(
     )
 
 
-def _limit(constraint: Constraint, settings: Mapping[str, Any]) -> float:
-    return constraint.limit if isinstance(settings["limit"], str) else float(settings["limit"])
+def _quantity(limit: Limit | None, body: Body) -> Quantity | None:
+    """What a line can be drawn for; None where there is no constraint, or it bounds nothing that is observed."""
+    if limit is None or limit.bounds is None:
+        return None
+    if limit.bounds == "actions":
+        return Quantity("largest |action|", (limit.value,), lambda qpos, action: np.abs(action).max(axis=-1), wall=False)
+    hidden = len(unobserved(body))
+    joint = hidden + limit.bounds  # the hidden joints are the first ones
+    return Quantity(joint_label(body, joint), (limit.value,), lambda qpos, action: qpos[..., joint], wall=joint == 0)
 
 
 def _note(body: Body) -> str:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from importlib import resources
-from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +10,7 @@ from aircl_jax.demonstrations.files import from_arrays, load
 from aircl_jax.demonstrations.soft_optimal import SoftOptimal, sample_table, soft_value_iteration
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
-from envs import Env, Tabular
+from envs import Env, Recorded, Shipped, SoftOptimalExpert
 
 REFERENCE_SIZE = 500  # trajectories of a tabular world's reference set
 REFERENCE_SEED = 2_147_483_646  # of its key; no run has this seed
@@ -24,31 +23,31 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
     A grid's D_E is drawn from its exact expert, anew for each seed; an animal's is its recorded data and a robot's is
     shipped, the same for all seeds. Where nothing is known to score by, D_E itself stands for the reference set.
     """
-    if env.recorded is not None:
-        recorded = from_arrays(env.recorded.demonstrations(), env)
-        known = env.recorded.reference
-        return _for_all(recorded, len(seeds)), recorded if known is None else from_arrays(known(), env)
-    if env.tabular is not None:
-        table, horizon, temperature = env.tabular, env.horizon, env.expert_temperature
-        expert = soft_value_iteration(table, table.reward, horizon, temperature, forbid=True)
-        keys = jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed), 1))(jnp.asarray(seeds, jnp.uint32))
-        draw = jax.jit(jax.vmap(lambda key: sample_table(env, expert.log_policy, key, config.num_demonstrations)))
-        return draw(keys), tabular_reference(env, expert)
-    if env.demonstrations is None:
-        raise ValueError(f"env={env.name} ships no demonstrations of these settings; give some with demonstrations=FILE")
-    shipped = load_shipped(env.demonstrations, env)
-    if config.num_demonstrations > len(shipped.mask):
-        asked = f"train.num_demonstrations={config.num_demonstrations}"
-        raise ValueError(f"{asked}: env={env.name} ships {len(shipped.mask)}; choose at most that")
-    expert = _first(shipped, config.num_demonstrations)
-    return _for_all(expert, len(seeds)), load_shipped(f"{env.demonstrations}_reference", env)
+    match env.expert:
+        case Recorded() as data:
+            recorded = from_arrays(data.demonstrations(), env)
+            known = data.reference
+            return _for_all(recorded, len(seeds)), recorded if known is None else from_arrays(known(), env)
+        case SoftOptimalExpert() as planner:
+            expert = _plan(env, planner, forbid=True)
+            keys = jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed), 1))(jnp.asarray(seeds, jnp.uint32))
+            draw = jax.jit(jax.vmap(lambda key: sample_table(env, expert.log_policy, key, config.num_demonstrations)))
+            return draw(keys), tabular_reference(env, planner, expert)
+        case Shipped(name):
+            shipped = load_shipped(name, env)
+            if config.num_demonstrations > len(shipped.mask):
+                asked = f"train.num_demonstrations={config.num_demonstrations}"
+                raise ValueError(f"{asked}: env={env.name} ships {len(shipped.mask)}; choose at most that")
+            expert = _first(shipped, config.num_demonstrations)
+            return _for_all(expert, len(seeds)), load_shipped(f"{name}_reference", env)
+        case None:
+            raise ValueError(f"env={env.name} ships no demonstrations of these settings; give some with demonstrations=FILE")
 
 
-def tabular_reference(env: Env, expert: SoftOptimal) -> Trajectory:
+def tabular_reference(env: Env, planner: SoftOptimalExpert, expert: SoftOptimal) -> Trajectory:
     """Draw half from the unconstrained soft-optimal policy, half from the expert with a tenth of its actions uniform."""
-    table, half = cast(Tabular, env.tabular), REFERENCE_SIZE // 2
-    free = soft_value_iteration(table, table.reward, env.horizon, env.expert_temperature, forbid=False)
-    uniform = jnp.log(PERTURBATION / table.reward.shape[1])
+    free, half = _plan(env, planner, forbid=False), REFERENCE_SIZE // 2
+    uniform = jnp.log(PERTURBATION / planner.table.reward.shape[1])
     perturbed = jnp.logaddexp(jnp.log1p(-PERTURBATION) + expert.log_policy, uniform)
     key_free, key_perturbed = jax.random.split(jax.random.key(REFERENCE_SEED))
     halves = (
@@ -56,6 +55,10 @@ def tabular_reference(env: Env, expert: SoftOptimal) -> Trajectory:
         sample_table(env, perturbed, key_perturbed, REFERENCE_SIZE - half),
     )
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *halves)
+
+
+def _plan(env: Env, planner: SoftOptimalExpert, *, forbid: bool) -> SoftOptimal:
+    return soft_value_iteration(planner.table, planner.table.reward, env.horizon, planner.temperature, forbid=forbid)
 
 
 def load_shipped(name: str, env: Env) -> Trajectory:

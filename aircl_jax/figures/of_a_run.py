@@ -15,6 +15,7 @@ from aircl_jax.figures.grids import cells, codes, maze, paths
 from aircl_jax.figures.robots import coordinate_curves, step_histograms
 from aircl_jax.figures.style import BLUE, DPI, ORANGE, STYLE, Drawing, final, over_seeds
 from aircl_jax.runs.result import Result
+from envs import Codes, Grid, Maze, Tabular
 
 BINS = 25
 
@@ -23,22 +24,30 @@ def draw(result: Result) -> Iterator[Drawing]:
     """Draw every figure that applies to this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
     env, found = result.plan.env, episodes.gather(result)
     yield curves.learning_curves(result)
-    if env.layout is not None and env.tabular is not None:
-        yield from cells.draw(result, env.layout, env.tabular, found)
-        yield from paths.draw(result, env.layout, found)
-    elif env.tabular is not None and (env.codes or env.maze) and not result.plan.method.clones:
-        recovered = recover(result, env.tabular)
-        if env.codes:
-            yield from codes.draw(recovered, env.codes, over_seeds(result))
-        if env.maze:
-            yield from maze.draw(recovered, env.maze, over_seeds(result))
-    elif env.tabular is None:
+    if env.tabular is None:
         yield from step_histograms.draw(result, found)
         if is_additive(result):
             yield coordinate_curves.by_coordinate(result, contributions(result, found.policy))
+    else:
+        yield from _of_a_table(result, env.tabular, found)
     if result.plan.method.learns_feasibility and _has_both_labels(result):
         yield reference_histogram(result, found)
     yield curves.losses(result)
+
+
+def _of_a_table(result: Result, table: Tabular, found: episodes.Evidence) -> Iterator[Drawing]:
+    """Draw a finite world as its view says. A clone has learned no reward to draw over codes or a maze."""
+    learned = not result.plan.method.clones
+    match result.plan.env.view:
+        case Grid() as grid:
+            yield from cells.draw(result, grid, table, found)
+            yield from paths.draw(result, grid, found)
+        case Codes() as world if learned:
+            yield from codes.draw(recover(result, table), world, over_seeds(result))
+        case Maze() as world if learned:
+            yield from maze.draw(recover(result, table), world, over_seeds(result))
+        case _:
+            pass
 
 
 def figures_of(result: Result) -> dict[str, Drawing]:

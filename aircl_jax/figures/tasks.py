@@ -10,7 +10,7 @@ from aircl_jax.figures.grids.paths import NUM_PATHS, cells_of, draw_paths, first
 from aircl_jax.figures.robots import film_strip
 from aircl_jax.figures.style import Drawing
 from aircl_jax.runs.result import Result
-from envs.base import Layout
+from envs import Grid
 
 HEIGHTS = {"grid": 2.0, "robot": 2.3}  # inches
 LETTERS = "abcdefgh"
@@ -19,14 +19,14 @@ FRAMES = 6  # frames of each strip
 
 def tasks(results: Mapping[str, Result]) -> Drawing:
     """Draw a row for each environment: grids with layout, robots with a body. Use within `matplotlib.rc_context(STYLE)`."""
-    kinds = ["robot" if result.plan.env.layout is None else "grid" for result in results.values()]
+    kinds = ["grid" if isinstance(result.plan.env.view, Grid) else "robot" for result in results.values()]
     heights = [HEIGHTS[kind] for kind in kinds]
     figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")
     parts, said = figure.subfigures(len(results), 1, height_ratios=heights, squeeze=False)[:, 0], []
     for letter, part, (name, result) in zip(LETTERS, parts, results.items(), strict=False):
         part.suptitle(f"({letter}) {name}", x=0.01, ha="left", fontsize=8, fontweight="bold")
-        layout = result.plan.env.layout
-        words = _robot(part, result) if layout is None else _grid(part, result, layout)
+        view = result.plan.env.view
+        words = _grid(part, result, view) if isinstance(view, Grid) else _robot(part, result)
         said.append(f"({letter}) {name}: {words}")
     first = next(iter(results.values())).summary
     caption = (
@@ -36,7 +36,7 @@ def tasks(results: Mapping[str, Result]) -> Drawing:
     return Drawing("figure3", figure, caption + " ".join(said))
 
 
-def _grid(part: SubFigure, result: Result, layout: Layout) -> str:
+def _grid(part: SubFigure, result: Result, layout: Grid) -> str:
     shown = {"demonstrations": result.expert, r"policy $\pi$": episodes.gather(result).policy}
     shares = []
     for axis, (title, trajectories) in zip(part.subplots(1, 2), shown.items(), strict=True):

@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from aircl_jax.settings.env_defaults import has_own_settings
+
 
 class Alarm(NamedTuple):
     """A metric, the values at which the alarm rings, and what that means."""
@@ -23,6 +25,13 @@ ALARMS = (
     Alarm("log_std_at_bound", lambda x: x > 0.0, "the policy's log σ stands at a bound"),
     Alarm("balanced_acc", lambda x: x > 0.65, "the discriminator still tells π from the expert: π or f lags behind"),
 )
+
+
+def untuned(env_name: str) -> list[str]:
+    """One sentence where an environment has no settings of its own; none where it has."""
+    if has_own_settings(env_name):
+        return []
+    return [f"env={env_name} runs with untuned settings: what `config` does not name is the default of TrainConfig."]
 
 
 def alarms(seeds: Sequence[int], metrics: Mapping[str, Mapping[str, Sequence[float | None]]]) -> list[str]:

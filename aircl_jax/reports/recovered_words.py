@@ -27,9 +27,9 @@ AVOIDED_HEAD = ("| after | never or rarely comes | feasibility | seen | expected
 def reading(result: Result) -> str:
     """Write the ranked tables of a finished run; empty where the world has no codes."""
     env = result.plan.env
-    if env.codes is None or env.tabular is None:
+    if not isinstance(env.view, Codes) or env.tabular is None:
         return ""
-    return in_words(recover(result, env.tabular), env.codes)
+    return in_words(recover(result, env.tabular), env.view)
 
 
 def in_words(recovered: Recovered, codes: Codes, number: int = 12) -> str:

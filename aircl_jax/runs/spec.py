@@ -17,6 +17,7 @@ from aircl_jax.settings.parse import at_least, plain, updated
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
 from envs import ENVS, Env, make_env
+from envs.checks import check_env
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,7 @@ def make_plan(
             f"env_settings are given beside the Env {env.name}, which has its own; choose make_env(name, **settings)"
         )
     world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
+    check_env(world)
     row = get_method(method, contrast_prior)
     if not isinstance(config, TrainConfig):
         config = updated(default_config(world.name, row.settings), config, "train")
@@ -147,7 +149,7 @@ def _given(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Tra
     if demonstrations == "default":
         return None, None
     beside = Path(demonstrations).with_name(f"{Path(demonstrations).stem}_reference.npz")
-    scored = not any((env.tabular, env.recorded, env.demonstrations)) and beside.is_file()
+    scored = env.expert is None and beside.is_file()
     return files.load(demonstrations, env), files.load(beside, env) if scored else None
 
 

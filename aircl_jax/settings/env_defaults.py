@@ -118,6 +118,11 @@ TUNED: dict[str, TrainConfig] = {
 }
 
 
+def has_own_settings(env_name: str) -> bool:
+    """Whether an environment is in the tables; any other runs with the defaults of TrainConfig."""
+    return env_name in PAPER and env_name in TUNED
+
+
 def default_config(env_name: str, settings: Literal["paper", "tuned"]) -> TrainConfig:
     """The settings of an environment for the paper's rows or for ours; those of TrainConfig where it is not in the table."""
     return {"paper": PAPER, "tuned": TUNED}[settings].get(env_name, TrainConfig())

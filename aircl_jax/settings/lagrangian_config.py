@@ -21,7 +21,7 @@ class LagrangianConfig:
     multiplier_max: float = 200.0  # with a budget near 0 the multiplier only rises
     release: float = 0.0  # share of the iterations after which the unconstrained seeds lose the constraint
     restart: bool = False  # train with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
-    fall_cost: float = 1.0  # what an early end counts in training: a body that rises again for 1 falls for its convenience
+    fall_cost: float = 1.0  # cost of a fall during training; at 1, falling and resetting is cheaper than balancing
     motor_limit: float = 0.0  # in training, constrained seeds' motors stop there while what was asked of them costs; 0: no stop
     chunk: int = 20  # iterations between two checkpoints
     ppo: PPOConfig = field(

@@ -1,4 +1,4 @@
-"""Which column of a table of tracks is which: a YAML file for every kind of animal and format."""
+"""Names of the columns in a table of tracks: a YAML file for every kind of animal and format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -13,8 +13,8 @@ OPTIONAL = ("place", "coordinates", "group", "close", "distant")
 
 
 @dataclass(frozen=True)
-class Mapping:
-    """Which column is which, and what may stand in it. Empty `behaviours` or `places`: whatever the tables hold."""
+class ColumnMapping:
+    """Names of the columns and their allowed values. Empty `behaviours` or `places` allow whatever the tables hold."""
 
     name: str
     columns: dict[str, Any]  # ours → theirs; `coordinates` is one column "[x;y;z]" or a list of columns
@@ -33,8 +33,8 @@ class Mapping:
     coordinate_unit: str = "unknown unit"  # in words, of what figures show
 
 
-def load_mapping(name: str) -> Mapping:
-    """A shipped mapping by name, or a YAML file. Raises ValueError naming the unknown name or key."""
+def load_mapping(name: str) -> ColumnMapping:
+    """Load a shipped mapping by name, or a YAML file. Raises ValueError naming the unknown name or key."""
     path = Path(name) if name.endswith((".yaml", ".yml")) else MAPPINGS / f"{name}.yaml"
     if not path.is_file():
         shipped = ", ".join(sorted(file.stem for file in MAPPINGS.glob("*.yaml")))
@@ -43,7 +43,7 @@ def load_mapping(name: str) -> Mapping:
         given = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
-    known = [field.name for field in fields(Mapping)]
+    known = [field.name for field in fields(ColumnMapping)]
     if not isinstance(given, dict) or not isinstance(given.get("columns"), dict):
         raise ValueError(f"{path}: a mapping needs the key 'columns'; its keys are {', '.join(known)}")
     given.setdefault("name", path.stem)
@@ -52,7 +52,7 @@ def load_mapping(name: str) -> Mapping:
     for column in REQUIRED:
         if column not in given["columns"]:
             raise ValueError(f"{path}: columns lacks {column!r}; it needs {', '.join(REQUIRED)}")
-    return Mapping(**{key: _converted(path, key, value) for key, value in given.items()})
+    return ColumnMapping(**{key: _converted(path, key, value) for key, value in given.items()})
 
 
 def _labels(value: Any) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Where the animals' data are: `env.data`, else the variable AIRCL_DATA, else nowhere: a simulated stand-in serves."""
+"""Folder of the animals' data: `env.data`, else the variable AIRCL_DATA, else none, and the animals are simulated."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,7 @@ VARIABLE = "AIRCL_DATA"  # a folder with meerkat/ and labyrinth/ in it
 
 
 def data_folder(setting: str, name: str) -> Path | None:
-    """The folder of one animal's data, None for the simulated stand-in. ValueError for a folder that is not there.
+    """Find the folder of one animal's data; None where it is simulated. Raises ValueError for a folder that is not there.
 
     `setting` is a folder (or one that holds a folder `name`), `simulated`, or `default`: the variable's, if it is set.
     """
@@ -25,5 +25,5 @@ def data_folder(setting: str, name: str) -> Path | None:
 
 
 def command_prefix(setting: object, simulated: bool) -> str:
-    """What a command to be repeated begins with where the variable told it of recordings; empty where it did not."""
+    """Return the `AIRCL_DATA=DIR ` that a repeated command needs; empty where the variable was not used."""
     return f"{VARIABLE}=DIR " if setting == "default" and not simulated else ""

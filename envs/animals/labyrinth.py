@@ -15,8 +15,9 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from scipy.special import logsumexp
 
 from envs.animals.data_folder import data_folder
-from envs.base import Discrete, Env, Maze, Recorded, Step, Tabular
+from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.options import LabyrinthOptions
+from envs.views import Maze
 
 Split = Literal["all", "train", "held_out"]
 
@@ -42,7 +43,7 @@ SIMULATED_MARKS = MARKS | {"bait": SIMULATED_BAIT, "forbidden": SIMULATED_FORBID
 
 
 class Mice(NamedTuple):
-    """Recordings and dynamics; reward and forbidden nodes are unknown, NaN, for real mice, for which `simulated` is False."""
+    """Recordings and dynamics. For real mice reward and forbidden nodes are unknown: NaN."""
 
     node: Int[np.ndarray, "R L"]
     action: Int[np.ndarray, "R L"]
@@ -53,7 +54,7 @@ class Mice(NamedTuple):
 
 
 def load(options: LabyrinthOptions) -> Mice:
-    """The recordings, or simulated ones. Raises ValueError, one line with the file, for an array not as described."""
+    """Load the recordings, or simulate them. Raises ValueError, one line with the file, for an array not as described."""
     mice = _load(data_folder(options.data, "labyrinth"))
     if not 1 <= options.horizon <= mice.node.shape[1]:
         raise ValueError(f"env.horizon={options.horizon}: recordings have {mice.node.shape[1]} steps; choose 1 to that")
@@ -95,7 +96,7 @@ def _array(folder: Path, name: str) -> np.ndarray:
 
 
 def _tree() -> Int[np.ndarray, "X A"]:
-    """Successors in a binary tree whose node n has the children 2n + 1 and 2n + 2; what leads nowhere stays."""
+    """List successors in a binary tree whose node n has the children 2n + 1 and 2n + 2. A move to nowhere stays."""
     node = np.arange(NUM_NODES)
     child = 2 * node[:, None] + np.array([1, 2])
     child = np.where(child < NUM_NODES, child, node[:, None])
@@ -103,7 +104,7 @@ def _tree() -> Int[np.ndarray, "X A"]:
 
 
 def _simulated(seed: int, *, constrained: bool) -> Mice:
-    """Mice that follow π(a|x) ∝ exp(r(x, a) + γ V(x')) from home, never into the forbidden node if constrained."""
+    """Simulate mice that follow π(a|x) ∝ exp(r(x, a) + γ V(x')) from home, never into the forbidden node if constrained."""
     successor, node = _tree(), np.arange(NUM_NODES)[:, None]
     moved = successor != node
     reward = np.where(moved, 0.0, SIMULATED_STAY_REWARD)
@@ -140,7 +141,7 @@ def _walk(
 
 
 def make_labyrinth(options: LabyrinthOptions) -> Env:
-    """The maze as tables; simulated mice alone have a true reward and a forbidden node. ValueError as from `load`."""
+    """Make the maze as tables. Only simulated mice have a true reward and a forbidden node. ValueError as from `load`."""
     mice = load(options)
     start = np.bincount(_windows(mice.node, options)[:, 0], minlength=NUM_NODES).astype(float)
     tables = (
@@ -170,19 +171,19 @@ def make_labyrinth(options: LabyrinthOptions) -> Env:
         action_space=Discrete(NUM_ACTIONS),
         reset=reset,
         step=step,
-        simulated=mice.simulated,
         has_reward=mice.simulated,
         tabular=table,
         recorded=Recorded(
             demonstrations=lambda: demonstrations(options, options.split),
             reference=(lambda: reference_set(options)) if mice.simulated else None,
+            simulated=mice.simulated,
         ),
-        maze=Maze(layout(), mice.successor, SIMULATED_MARKS if mice.simulated else MARKS),
+        view=Maze(layout(), mice.successor, SIMULATED_MARKS if mice.simulated else MARKS),
     )
 
 
 def _windows(values: Int[np.ndarray, "R L"], options: LabyrinthOptions) -> Int[np.ndarray, "N T"]:
-    """Recordings cut into windows of `horizon` steps; what is left at a recording's end is dropped."""
+    """Cut recordings into windows of `horizon` steps. What is left at a recording's end is dropped."""
     whole = values.shape[1] // options.horizon * options.horizon
     return values[:, :whole].reshape(-1, options.horizon)
 
@@ -201,7 +202,7 @@ def demonstrations(options: LabyrinthOptions, split: Split = "all") -> dict[str,
 
 
 def reference_set(options: LabyrinthOptions) -> dict[str, np.ndarray]:
-    """Windows of simulated mice without the constraint, with their true costs. Raises ValueError for real mice."""
+    """Simulate windows of mice without the constraint, with their true costs. Raises ValueError for real mice."""
     if not load(options).simulated:
         raise ValueError("env=labyrinth has a reference set only simulated: the constraint of real mice is unknown")
     return _arrays(_simulated(REFERENCE_SEED, constrained=False), options)
@@ -219,7 +220,7 @@ def _arrays(mice: Mice, options: LabyrinthOptions) -> dict[str, np.ndarray]:
 
 
 def layout() -> Float[np.ndarray, "X 2"]:
-    """Where to draw each node: an H-tree, arms halved every second level, the entrance in the middle."""
+    """Place each node of an H-tree: the entrance in the middle, arms halved every second level."""
     position = np.zeros((NUM_NODES, 2))
     for node in range(1, NUM_NODES):
         level = (node + 1).bit_length() - 1

@@ -15,12 +15,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from envs.animals import simulated_meerkats
-from envs.animals.columns import Mapping, load_mapping
+from envs.animals.columns import ColumnMapping, load_mapping
 from envs.animals.data_folder import data_folder
 from envs.animals.tracks import Tracks, read_folder
 from envs.animals.windows import Windows, code_rows, cut_windows
-from envs.base import Codes, Discrete, Env, Recorded, Step, Tabular
+from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.options import MeerkatOptions
+from envs.views import Codes, Coordinates
 
 Split = Literal["all", "train", "held_out"]
 Transition = Callable[[PRNGKeyArray, Int[Array, ""], Int[Array, ""]], tuple[Int[Array, ""], Step]]
@@ -49,7 +50,7 @@ def load(options: MeerkatOptions) -> Herd:
 
 
 @lru_cache(maxsize=2)
-def _tracks(folder: Path | None, name: str) -> tuple[Tracks, Mapping]:
+def _tracks(folder: Path | None, name: str) -> tuple[Tracks, ColumnMapping]:
     if folder is None:
         return simulated_meerkats.simulated_tracks(), simulated_meerkats.MAPPING
     mapping = load_mapping(name)
@@ -65,8 +66,8 @@ def _load(options: MeerkatOptions, folder: Path | None) -> Herd:
     return Herd(windows, truth, _impossible(windows, mapping, options) if truth is None else truth.structural)
 
 
-def _impossible(windows: Windows, mapping: Mapping, options: MeerkatOptions) -> Bool[np.ndarray, "C C"]:
-    """Pairs of codes that no one camera sees, and two moves in a row, which are one bout."""
+def _impossible(windows: Windows, mapping: ColumnMapping, options: MeerkatOptions) -> Bool[np.ndarray, "C C"]:
+    """Mark impossible pairs of codes: those that no one camera sees, and two moves in a row, which are one bout."""
     size, sites = len(windows.names), np.unique(windows.site)
     seen = np.array([np.isin(np.arange(size), windows.code[windows.site == site]) for site in sites])
     together = (seen[:, :, None] & seen[:, None, :]).any(axis=0)
@@ -76,7 +77,7 @@ def _impossible(windows: Windows, mapping: Mapping, options: MeerkatOptions) -> 
 
 
 def make_meerkat(options: MeerkatOptions) -> Env:
-    """The world of the windows; the simulated mob alone has a true reward and cost. ValueError as from `load`."""
+    """Make the world of the windows. Only the simulated mob has a true reward and cost. Raises ValueError as `load` does."""
     herd = load(options)
     table = {"code": _code_table, "place": _place_table}[options.state](herd)
     step = _code_step(herd, table) if options.state == "code" else _table_step(table)
@@ -93,14 +94,14 @@ def make_meerkat(options: MeerkatOptions) -> Env:
         reset=reset,
         step=step,
         constraint_input="state_action",
-        simulated=data_folder(options.data, "meerkat") is None,
         has_reward=herd.truth is not None,
         tabular=table,
         recorded=Recorded(
             demonstrations=lambda: demonstrations(options, options.split),
             reference=(lambda: reference_set(options)) if herd.truth is not None else None,
+            simulated=data_folder(options.data, "meerkat") is None,
         ),
-        codes=Codes(herd.windows.names, herd.impossible) if options.state == "code" else None,
+        view=Codes(herd.windows.names, herd.impossible) if options.state == "code" else Coordinates(),
     )
 
 
@@ -139,7 +140,7 @@ def _code_table(herd: Herd) -> Tabular:
 def _tabular(
     transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray | None, start: np.ndarray, obs: np.ndarray
 ) -> Tabular:
-    """Nothing is forbidden where no truth is known, and the cost is NaN."""
+    """Forbid nothing where no truth is known; the cost is then NaN."""
     nothing = np.zeros(len(start))
     cost, barred = (nothing + np.nan, nothing) if forbidden is None else (forbidden, forbidden)
     arrays = (transition, reward, cost, barred, start, obs, nothing)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int, Shaped
 
-from envs.animals.columns import Mapping
+from envs.animals.columns import ColumnMapping
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -44,8 +44,8 @@ class Table(NamedTuple):
     columns: dict[str, list[str]]
 
 
-def read_folder(folder: Path, mapping: Mapping) -> Tracks:
-    """Every table in and below `folder`. Raises ValueError where there is none, one is malformed or two overlap."""
+def read_folder(folder: Path, mapping: ColumnMapping) -> Tracks:
+    """Read every table in and below `folder`. Raises ValueError where there is none, one is malformed or two overlap."""
     files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES)
     if not files:
         raise ValueError(f"{folder}: no table of tracks in or below it; looked for {', '.join(SUFFIXES)}")
@@ -59,7 +59,7 @@ def read_folder(folder: Path, mapping: Mapping) -> Tracks:
 
 
 def read_table(file: Path) -> Table:
-    """One CSV (UTF-8, any line ends) or Parquet file. Raises ValueError naming file and row where it cannot be read."""
+    """Read one CSV (UTF-8, any line ends) or Parquet file. Raises ValueError naming file and row where it cannot be read."""
     table = _read_parquet(file) if file.suffix.lower() == ".parquet" else _read_csv(file)
     columns = {str(name): ["" if text is pd.NA else str(text) for text in table[name].tolist()] for name in table}
     return Table(file, table.index.to_numpy(dtype=np.int64), columns)
@@ -103,7 +103,7 @@ def _parser_words(message: str) -> str:
     return " ".join(message.split())
 
 
-def parse(table: Table, mapping: Mapping) -> Tracks:
+def parse(table: Table, mapping: ColumnMapping) -> Tracks:
     """Our columns of one table. Raises ValueError, in one line with file, row and column, for the first thing wrong."""
     check = _Checker(table, mapping)
     number = len(table.row)
@@ -137,7 +137,7 @@ def parse(table: Table, mapping: Mapping) -> Tracks:
 class _Checker:
     """Reads the columns of one table; raises for the first bad row with the file, the row, the column and the value."""
 
-    def __init__(self, table: Table, mapping: Mapping) -> None:
+    def __init__(self, table: Table, mapping: ColumnMapping) -> None:
         self.table = table
         self.names: dict[str, str] = {ours: name for ours, name in mapping.columns.items() if ours != "coordinates"}
         coordinates = mapping.columns.get("coordinates", ())
@@ -182,7 +182,7 @@ class _Checker:
         self._each(name, _is_number, "is not a number")
         return np.array(self.table.columns[name], dtype=np.float64)
 
-    def positions(self, mapping: Mapping) -> Float[np.ndarray, "R 3"]:
+    def positions(self, mapping: ColumnMapping) -> Float[np.ndarray, "R 3"]:
         """Three coordinates, NaN where the mapping calls them missing or has none; a third that it lacks is 0."""
         position = np.full((len(self.table.row), 3), np.nan)
         if isinstance(mapping.columns.get("coordinates"), str):

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from envs.animals.columns import Mapping
+from envs.animals.columns import ColumnMapping
 from envs.animals.tracks import Tracks
 
 Coding = Literal["bout", "step"]
@@ -60,7 +60,7 @@ class Coded(NamedTuple):
     places: tuple[str, ...]
 
 
-def code_rows(tracks: Tracks, mapping: Mapping, coding: Coding = "bout", other_groups: bool = False) -> Coded:
+def code_rows(tracks: Tracks, mapping: ColumnMapping, coding: Coding = "bout", other_groups: bool = False) -> Coded:
     """Codes of the rows kept: behaviours, then "moving to PLACE" for every place, then one for what was not annotated.
 
     `bout`: a whole run of moving that ends elsewhere (the place of the first row after it, or of its last row at the
@@ -88,7 +88,7 @@ def code_rows(tracks: Tracks, mapping: Mapping, coding: Coding = "bout", other_g
 
 
 def _by_share(labels: Shaped[np.ndarray, " R"]) -> tuple[str, ...]:
-    """Labels by falling frequency, ties by name."""
+    """Order labels by falling frequency, ties by name."""
     names, counts = np.unique(labels, return_counts=True)
     return tuple(names[np.lexsort((names, -counts))].tolist())
 
@@ -96,7 +96,7 @@ def _by_share(labels: Shaped[np.ndarray, " R"]) -> tuple[str, ...]:
 def _bout_target(
     behaviour: Int[np.ndarray, " R"], place: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]
 ) -> Int[np.ndarray, " R"]:
-    """Where the bout of each row ends, if that is another place than where it begins."""
+    """Find where the bout of each row ends, if it ends in another place than it begins."""
     begins = _run_starts(behaviour, segment)
     first = np.flatnonzero(begins)
     last = np.append(first[1:] - 1, len(begins) - 1)
@@ -108,7 +108,7 @@ def _bout_target(
 def _step_target(
     behaviour: Int[np.ndarray, " R"], place: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]
 ) -> Int[np.ndarray, " R"]:
-    """The place one row later, if that is another one."""
+    """Find the place one row later, if it is another one."""
     after = np.append(place[1:], STAYS)
     continues = np.append(segment[1:] == segment[:-1], False)
     return np.where(continues & (after != place), after, STAYS)

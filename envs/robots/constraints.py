@@ -26,6 +26,7 @@ class Constraint:
     limit: float
     of: Literal["state", "state_action"] = "state"  # what the predicate reads
     task: Literal["forward", "wall"] = "forward"  # wall: x is observed and |Δx| is rewarded (swimmer, walker)
+    bounds: int | Literal["actions"] | None = None  # what figures draw `limit` across: qpos[bounds], or every |action|
 
 
 def torque_above(qpos: Float[Array, " Q"], action: Float[Array, " A"], limit: float) -> Bool[Array, ""]:
@@ -50,13 +51,13 @@ def never(qpos: Float[Array, " Q"], action: Float[Array, " A"], limit: float) ->
 
 CONSTRAINTS: dict[str, dict[str, Constraint]] = {
     "torque": {
-        "swimmer": Constraint(torque_above, limit=0.5, of="state_action"),
-        "walker": Constraint(torque_above, limit=0.5, of="state_action"),
+        "swimmer": Constraint(torque_above, limit=0.5, of="state_action", bounds="actions"),
+        "walker": Constraint(torque_above, limit=0.5, of="state_action", bounds="actions"),
     },
     "position": {
-        "swimmer": Constraint(x_above, limit=0.5, task="wall"),
-        "walker": Constraint(x_below, limit=-3.0, task="wall"),
-        "pendulum": Constraint(x_below, limit=-0.015, task="wall"),
+        "swimmer": Constraint(x_above, limit=0.5, task="wall", bounds=0),
+        "walker": Constraint(x_below, limit=-3.0, task="wall", bounds=0),
+        "pendulum": Constraint(x_below, limit=-0.015, task="wall", bounds=0),
     },
     "none": {
         "swimmer": Constraint(never, limit=0.0),
@@ -67,7 +68,7 @@ CONSTRAINTS: dict[str, dict[str, Constraint]] = {
 
 
 def find_constraint(name: str, body: str) -> Constraint:
-    """The row of CONSTRAINTS for this body. Raises ValueError where the body has no such constraint."""
+    """Find the row of CONSTRAINTS for this body. Raises ValueError where the body has no such constraint."""
     choices = [known for known, bodies in CONSTRAINTS.items() if body in bodies]
     if name not in choices:
         raise ValueError(f"unknown constraint {name!r} of {body}; choose from {', '.join(choices)}")

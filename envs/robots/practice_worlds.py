@@ -10,11 +10,9 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from envs import Env, Step
 
-RESTART = -1.0  # cost of the step that puts a fallen body back on its feet: no step of the task, and masked
-
 
 def weakened(env: Env, limit: Float[Array, ""]) -> Env:
-    """The same world with motors that stop at ±limit; to ask for more costs what going beyond a torque limit costs."""
+    """Give the world motors that stop at ±limit. Asking for more has cost 1."""
 
     def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
         state, result = env.step(key, state, jnp.clip(action, -limit, limit))
@@ -25,7 +23,7 @@ def weakened(env: Env, limit: Float[Array, ""]) -> Env:
 
 
 def restarting(env: Env, fall_cost: float) -> Env:
-    """The same world without an end: terminating costs `fall_cost`, and the next step resets and is masked."""
+    """Replace the world's end by a reset. Terminating has cost `fall_cost`; the next step resets and does not count."""
 
     def reset(key: PRNGKeyArray) -> tuple[Any, Float[Array, " O"]]:
         state, obs = env.reset(key)
@@ -35,7 +33,7 @@ def restarting(env: Env, fall_cost: float) -> Env:
         inner, fallen = state
         moved, result = env.step(key, inner, action)
         risen, obs = env.reset(key)
-        again = Step(obs, jnp.zeros(()), jnp.full((), RESTART), jnp.zeros(()))
+        again = Step(obs, *[jnp.zeros(())] * 3, counts=0.0)  # no step of the task
         pick = partial(jnp.where, fallen > 0)
         ended = pick(0.0, result.terminated)
         lasting = result._replace(cost=jnp.maximum(result.cost, fall_cost * result.terminated), terminated=jnp.zeros(()))
@@ -46,5 +44,5 @@ def restarting(env: Env, fall_cost: float) -> Env:
 
 
 def clipped_world(env: Env, limit: float) -> Env:
-    """The same world for whom every action is clipped to ±limit first."""
+    """Clip every action to ±limit first."""
     return replace(env, step=lambda key, state, action: env.step(key, state, jnp.clip(action, -limit, limit)))

@@ -6,18 +6,19 @@ import io
 from collections.abc import Callable
 from importlib import resources
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from envs.base import Env, Step
+from envs.base import Env, Limit, Step
 from envs.options import RobotOptions
 from envs.robots.bodies import Body
-from envs.robots.constraints import find_constraint
+from envs.robots.constraints import Constraint, find_constraint, never
 from envs.robots.planar.dynamics import planar_physics
 from envs.robots.tasks import ROBOTS, RobotState
+from envs.views import Coordinates
 
 DIVERGED = 1e3  # m, rad, m/s or rad/s; no body comes near it, so a state beyond it, or not finite, is no physics
 ABSENT_WARP = ("Failed to import warp", "Failed to import mujoco_warp")  # what MJX prints on standard output
@@ -27,17 +28,17 @@ Physics = Callable[[Vector, Vector, Float[Array, " A"]], tuple[Vector, Vector]]
 
 
 def make_swimmer(options: RobotOptions) -> Env:
-    """The swimmer: three links in a viscous fluid. Raises ValueError on a wrong setting."""
+    """Make the swimmer: three links in a viscous fluid. Raises ValueError on a wrong setting."""
     return _make("swimmer", options)
 
 
 def make_walker(options: RobotOptions) -> Env:
-    """The two-legged walker. Raises ValueError on a wrong setting."""
+    """Make the two-legged walker. Raises ValueError on a wrong setting."""
     return _make("walker", options)
 
 
 def make_pendulum(options: RobotOptions) -> Env:
-    """The inverted pendulum on a cart. Raises ValueError on a wrong setting."""
+    """Make the inverted pendulum on a cart. Raises ValueError on a wrong setting."""
     return _make("pendulum", options)
 
 
@@ -49,15 +50,16 @@ def _make(name: str, options: RobotOptions) -> Env:
     physics = ENGINES[options.engine](model, body, options.integrator)
     dt = float(model.opt.timestep) * body.frame_skip
     rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
+    hidden = model.nq + model.nv - task.observe(rest).size  # joints whose position is not observed, the first ones
 
     def reset(key: PRNGKeyArray) -> tuple[RobotState, Float[Array, " O"]]:
-        """The rest pose plus uniform noise on qpos and qvel (Gymnasium)."""
+        """Start in the rest pose plus uniform noise on qpos and qvel (Gymnasium)."""
         noise = jax.random.uniform(key, (2 * model.nv,), minval=-body.reset_noise, maxval=body.reset_noise)
         state = _add(rest, noise)
         return state, task.observe(state)
 
     def step(key: PRNGKeyArray, state: RobotState, action: Float[Array, " A"]) -> tuple[RobotState, Step]:
-        """One control step: reward before the transition noise; observation, cost and end after it."""
+        """Take one control step. The reward precedes the transition noise; observation, cost and end follow it."""
         action = box.clip(action)
         moved = RobotState(*physics(state.qpos, state.qvel, action))
         sound = jnp.abs(jnp.concatenate(moved)).max() < DIVERGED  # False for NaN too
@@ -79,16 +81,27 @@ def _make(name: str, options: RobotOptions) -> Env:
         reset=reset,
         step=step,
         constraint_input=constraint.of,
-        demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
-        coordinates=_coordinates(model, task.observe(rest).size),
-        motors=tuple(f"motor {_spoken(model.joint(model.actuator(index).trnid[0]).name)}" for index in range(model.nu)),
+        shipped_demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
+        view=_view(model, hidden),
+        limit=None if constraint.violated is never else Limit(options.constraint, limit, _bounds(constraint, hidden)),
     )
 
 
-def _coordinates(model: Any, number: int) -> tuple[str, ...]:
-    """Names of the joints that are observed, the last of them, and of all their velocities."""
+def _view(model: Any, hidden: int) -> Coordinates:
+    """Name the coordinates by the joints that are observed, the last of them, and by all their velocities."""
     joints = [_spoken(model.joint(index).name) for index in range(model.njnt)]
-    return (*joints[len(joints) - (number - model.nv) :], *(f"velocity of {name}" for name in joints))
+    driven = [_spoken(model.joint(model.actuator(index).trnid[0]).name) for index in range(model.nu)]
+    return Coordinates(
+        names=(*joints[hidden:], *(f"velocity of {name}" for name in joints)),
+        motors=tuple(f"motor {name}" for name in driven),
+    )
+
+
+def _bounds(constraint: Constraint, hidden: int) -> int | Literal["actions"] | None:
+    """Turn what the constraint bounds into a coordinate of the observation; None where it is not observed."""
+    if constraint.bounds is None or constraint.bounds == "actions":
+        return constraint.bounds
+    return constraint.bounds - hidden if constraint.bounds >= hidden else None
 
 
 def _spoken(name: str) -> str:
@@ -96,7 +109,7 @@ def _spoken(name: str) -> str:
 
 
 def _shipped(name: str) -> str | None:
-    """The name, where envs/demonstrations holds such a file: made under the constraint's default limit."""
+    """Return the name if envs/demonstrations has that file. Its limit is the constraint's default."""
     return name if (resources.files("envs") / "demonstrations" / f"{name}.npz").is_file() else None
 
 
@@ -105,7 +118,7 @@ def _add(state: RobotState, noise: Float[Array, " N"]) -> RobotState:
 
 
 def compile_model(body: Body, integrator: str) -> Any:
-    """The body's compiled `MjModel`, with the solver settings of its row."""
+    """Compile the body's `MjModel` with the solver settings of its row."""
     mujoco: Any = importlib.import_module("mujoco")
     model = mujoco.MjModel.from_xml_string(body.mjcf)
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
@@ -116,7 +129,7 @@ def compile_model(body: Body, integrator: str) -> Any:
 
 
 def mjx_physics(model: Any, body: Body, integrator: str) -> Physics:
-    """One control step by `mjx.step`; the engine that `planar` is tested against."""
+    """Make the control step by `mjx.step`, the engine that `planar` is tested against."""
     mjx = import_mjx()
     device_model = mjx.put_model(model)
     template = mjx.make_data(device_model)
@@ -142,7 +155,7 @@ ENGINES: dict[str, Callable[[Any, Body, str], Physics]] = {"planar": _planar, "m
 
 
 def import_mjx() -> ModuleType:
-    """`mujoco.mjx`, imported late (it takes seconds) and without its two lines about an absent warp."""
+    """Import `mujoco.mjx`, which takes seconds, without its two printed lines about an absent warp."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         mjx = importlib.import_module("mujoco.mjx")

@@ -185,7 +185,7 @@ def peer(settings: Settings) -> float:
     env = make_env(settings.env)
     words = {
         "env": PEERS[settings.env],
-        "demonstrations": str(files("envs") / "demonstrations" / f"{env.demonstrations}.npz"),
+        "demonstrations": str(files("envs") / "demonstrations" / f"{env.shipped_demonstrations}.npz"),
         "horizon": env.horizon,
         "trajectories": config.num_trajectories,
         "hidden": config.hidden,

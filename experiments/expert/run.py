@@ -30,7 +30,6 @@ from aircl_jax.runs.directory import RunDirectory
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.parse import plain
 from envs import Env
-from envs.robots.constraints import find_constraint
 from envs.robots.practice_worlds import clipped_world
 
 PACKAGES = ("jax", "flax", "optax", "distrax", "mujoco", "numpy")
@@ -133,13 +132,11 @@ def harvest(task: Task, draw: Sampler, states: LagrangianState) -> dict[str, Any
 
 def _clipped(task: Task, draw: Sampler, free: LagrangianState, key: jax.Array) -> dict[str, Judgement]:
     """Where actions are constrained: the unconstrained expert with its actions clipped to the limit."""
-    if task.env.constraint_input == "state":
+    limit = task.env.limit
+    if limit is None or limit.bounds != "actions":
         return {}
-    limit = task.env_settings["limit"]
-    if limit == "default":
-        limit = find_constraint(task.env_settings["constraint"], task.env.name).limit
-    world = clipped_world(task.env, limit)
-    return {f"unconstrained expert, clipped to ±{limit:g}": judge(Sampler(world, draw.nets)(free, key, JUDGED))}
+    world = clipped_world(task.env, limit.value)
+    return {f"unconstrained expert, clipped to ±{limit.value:g}": judge(Sampler(world, draw.nets)(free, key, JUDGED))}
 
 
 def _provenance(task: Task, seed: int, state: LagrangianState) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from aircl_jax.analysis import transition_distances
 from envs.animals import simulated_meerkats
-from envs.animals.columns import Mapping, load_mapping
+from envs.animals.columns import ColumnMapping, load_mapping
 from envs.animals.data_folder import data_folder
 from envs.animals.tracks import read_folder
 from envs.animals.windows import Coded, Report, Transitions, code_rows, cut_windows, transitions
@@ -37,7 +37,7 @@ class Settings:
 class Study(NamedTuple):
     """What was read: rows, their codes and transitions; positions in the unit that figures show."""
 
-    mapping: Mapping
+    mapping: ColumnMapping
     coded: Coded
     moves: Transitions
     report: Report

@@ -97,7 +97,7 @@ def planned(job: Job, env: str, method: str) -> Plan:
 
 def settings_of(plan: Plan) -> dict[str, Any]:
     """All that a cell's numbers depend on beside the code: the run's settings and the bytes of shipped demonstrations."""
-    name = plan.env.demonstrations
+    name = plan.env.shipped_demonstrations
     files = [resources.files("envs") / "demonstrations" / f"{part}.npz" for part in (name, f"{name}_reference")]
     digests = [hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in files] if name else []
     return {**plan.settings, "shipped": digests}
@@ -107,9 +107,7 @@ def unavailable(env: str) -> str | None:
     """Why an environment can have no cells yet; None where it can."""
     from envs import make_env
 
-    world = make_env(env)
-    ready = world.tabular is not None or world.recorded is not None or world.demonstrations is not None
-    return None if ready else "no demonstrations are shipped for this environment"
+    return None if make_env(env).expert is not None else "no demonstrations are shipped for this environment"
 
 
 def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = False) -> Cell:

@@ -18,7 +18,7 @@ from aircl_jax.demonstrations.sources import demonstrations, tabular_reference
 from aircl_jax.model.networks import make_networks
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.spec import make_plan
-from envs import Tabular
+from envs import SoftOptimalExpert, Tabular
 from tests.worlds import random_trajectories, table_of
 
 SEEDS = 2
@@ -145,7 +145,7 @@ def test_half_a_reference_set_knows_no_constraint_and_a_tenth_of_the_others_acti
     env = straight().env
     table = table_of(env)
     expert, free = (soft_value_iteration(table, table.reward, 4, 0.5, forbid=forbid) for forbid in (True, False))
-    reference = tabular_reference(env, expert)
+    reference = tabular_reference(env, SoftOptimalExpert(table, 0.5), expert)
     first, second = (np.asarray(reference.cost)[half].mean() for half in (slice(0, 250), slice(250, 500)))
     inside = mean_visits(table, np.asarray(free.log_policy))[4]
     np.testing.assert_allclose(first, inside, atol=0.03)

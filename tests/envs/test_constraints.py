@@ -77,9 +77,9 @@ def test_the_limit_moves_the_wall() -> None:
 
 
 def test_demonstrations_ship_for_the_limit_that_they_were_made_under_and_no_other() -> None:
-    assert make_env("swimmer").demonstrations == "swimmer_torque"
-    assert make_env("swimmer", limit=0.5).demonstrations == "swimmer_torque"
-    assert make_env("swimmer", limit=0.3).demonstrations is None
+    assert make_env("swimmer").shipped_demonstrations == "swimmer_torque"
+    assert make_env("swimmer", limit=0.5).shipped_demonstrations == "swimmer_torque"
+    assert make_env("swimmer", limit=0.3).shipped_demonstrations is None
     with pytest.raises(ValueError, match="env=swimmer ships no demonstrations of these settings"):
         demonstrations(make_env("swimmer", limit=0.3), [0], TrainConfig())
 

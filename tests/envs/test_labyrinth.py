@@ -63,12 +63,12 @@ def test_the_drawing_has_no_two_nodes_in_one_place():
     assert len(np.unique(labyrinth.layout(), axis=0)) == 127
 
 
-@needs_data
 def test_a_command_to_repeat_says_that_the_variable_led_to_recordings():
     assert command_prefix("default", simulated=False) == "AIRCL_DATA=DIR "
     assert command_prefix("default", simulated=True) == command_prefix("folder", simulated=False) == ""
 
 
+@needs_data
 def test_real_mice_have_no_reward_and_no_reference_set():
     env = make_env("labyrinth", data=DATA)
     assert env.title == "labyrinth"

@@ -15,12 +15,11 @@ from aircl_jax.figures.curves import label_ends, small_multiples
 from aircl_jax.figures.grids.cells import draw_layout
 from aircl_jax.figures.grids.paths import order_of_zones, visits
 from aircl_jax.figures.robots import step_histograms
-from aircl_jax.figures.robots.step_histograms import constraint_limit
 from aircl_jax.figures.style import STYLE, in_words
 from aircl_jax.methods import METHODS, get_method
 from aircl_jax.reports.run_report import report
 from aircl_jax.runs.result import Result
-from envs.base import Box, Layout
+from envs import Box, Grid, Limit, make_env
 from tests.finished_runs import untrained
 from tests.worlds import one_state_env, random_trajectories
 
@@ -103,7 +102,7 @@ def test_delta_of_the_reference_set_is_the_results_own():
 
 
 def test_trajectories_are_told_apart_by_the_order_of_two_zones():
-    layout = Layout(3, (0, 0), (2, 2), {"A": ((0, 1),), "B": ((1, 2),)})
+    layout = Grid(3, (0, 0), (2, 2), {"A": ((0, 1),), "B": ((1, 2),)})
     paths = np.array([[0, 3, 6], [0, 1, 4], [0, 3, 5], [0, 5, 1], [1, 4, 5], [5, 1, 5]])
     found = visits(paths, layout)
     assert [next(name for name, chosen in found.items() if chosen[i]) for i in range(6)] == [
@@ -119,7 +118,7 @@ def test_trajectories_are_told_apart_by_the_order_of_two_zones():
 
 def test_delta_is_shown_by_the_order_of_the_zones():
     result = untrained("aircl_corrected")
-    layout = Layout(3, (0, 0), (2, 2), {"A": ((0, 1),), "B": ((1, 2),)})
+    layout = Grid(3, (0, 0), (2, 2), {"A": ((0, 1),), "B": ((1, 2),)})
     delta = np.full((2, len(result.reference.mask)), 0.5)
     drawing = order_of_zones(result, layout, episodes.Evidence(result.expert, result.expert, delta, delta))
     assert "only A, then B is forbidden" in drawing.caption
@@ -127,27 +126,31 @@ def test_delta_is_shown_by_the_order_of_the_zones():
 
 
 @pytest.mark.parametrize(
-    ("settings", "across", "values"),
+    ("settings", "bounds", "lines"),
     [
         ({"constraint": "torque"}, "actions", (-0.5, 0.5)),
         ({"constraint": "torque", "limit": 0.2}, "actions", (-0.2, 0.2)),
-        ({"constraint": "position"}, "observations", (0.5,)),
+        ({"constraint": "position"}, 0, (0.5,)),
     ],
 )
-def test_a_robots_limit_is_drawn_across_what_it_constrains(settings, across, values):
-    assert constraint_limit("swimmer", {"limit": "default"} | settings) == (across, values)
+def test_a_robots_limit_is_drawn_across_what_it_constrains(settings, bounds, lines):
+    limit = make_env("swimmer", **settings).limit
+    assert limit is not None
+    assert (limit.name, limit.bounds, limit.lines) == (settings["constraint"], bounds, lines)
 
 
 def test_no_constraint_has_no_limit():
-    assert constraint_limit("swimmer", {"constraint": "none", "limit": "default"}) is None
-    assert constraint_limit("my own world", {}) is None
+    assert make_env("swimmer", constraint="none").limit is None
+    assert one_state_env(lambda t, action: 0.0 * t).limit is None
 
 
 def test_a_robots_actions_are_drawn_as_clipped_with_the_limit():
     random = np.random.default_rng(0)
     full = untrained("aircl_corrected")
-    robot = replace(one_state_env(lambda t, action: 0.0 * t, horizon=4, action_space=Box(2)), name="swimmer")
-    plan = replace(full.plan, env=robot, env_settings={"constraint": "torque", "limit": "default"})
+    robot = replace(
+        one_state_env(lambda t, action: 0.0 * t, horizon=4, action_space=Box(2)), limit=Limit("torque", 0.5, "actions")
+    )
+    plan = replace(full.plan, env=robot)
     found = random_trajectories(robot, 0, 6)._replace(action=jnp.asarray(random.normal(size=(6, 4, 2)) * 3))
     actions, observations = step_histograms.draw(
         replace(full, plan=plan, expert=found), episodes.Evidence(found, found, np.ones((2, 3)), np.ones((2, 3)))
@@ -179,7 +182,7 @@ def test_small_multiples_leave_few_places_empty(number, shape):
 
 def test_start_and_goal_are_named_and_obstacles_are_not():
     _, (axis,) = small_multiples(1)
-    draw_layout(axis, Layout(12, (0, 0), (11, 11), {"obstacle": ((5, 5),)}))
+    draw_layout(axis, Grid(12, (0, 0), (11, 11), {"obstacle": ((5, 5),)}))
     assert [text.get_text() for text in axis.texts] == ["S", "G"]
 
 

@@ -11,11 +11,11 @@ import pytest
 from matplotlib.collections import FillBetweenPolyCollection, PolyCollection
 from matplotlib.colors import to_hex
 
-from aircl_jax.analysis.robot_poses import Stage
-from aircl_jax.analysis.robot_scene import QUANTITIES, Scene, Side
+from aircl_jax.analysis.robot_poses import Stage, make_body
+from aircl_jax.analysis.robot_scene import Scene, Side, _quantity
 from aircl_jax.figures.robots import film_strip, player
 from aircl_jax.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, STYLE
-from envs.robots.constraints import torque_above, x_below
+from envs import Limit
 
 STEPS = 24
 
@@ -131,9 +131,13 @@ def test_the_caption_says_what_each_side_does_and_what_the_curves_are():
 
 def test_a_constraint_bounds_the_largest_action_or_the_place_across():
     qpos, action = np.array([[[0.25, 9.0]]]), np.array([[[0.5, -0.75]]])
-    assert QUANTITIES[torque_above].value(qpos, action).tolist() == [[0.75]]
-    assert QUANTITIES[x_below].value(qpos, action).tolist() == [[0.25]]
-    assert not QUANTITIES[torque_above].wall and QUANTITIES[x_below].wall
+    body = make_body("pendulum", {"constraint": "position", "limit": "default", "integrator": "euler"})
+    torque, place = _quantity(Limit("torque", 0.5, "actions"), body), _quantity(Limit("position", -0.015, 0), body)
+    assert torque is not None and place is not None
+    assert torque.value(qpos, action).tolist() == [[0.75]]
+    assert place.value(qpos, action).tolist() == [[0.25]]
+    assert not torque.wall and place.wall
+    assert (torque.limits, place.limits) == ((0.5,), (-0.015,))
 
 
 def packed() -> Any:

@@ -26,7 +26,7 @@ from aircl_jax.runs.directory import open_run
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import seed_keys
 from aircl_jax.runs.spec import make_plan
-from envs.robots.constraints import CONSTRAINTS, Constraint, find_constraint
+from envs.robots.constraints import CONSTRAINTS, Constraint
 from experiments import figure3
 from experiments.watch import main
 from tests.worlds import UNOPTIMISED
@@ -151,10 +151,9 @@ def test_the_steps_after_an_early_end_count_for_nothing(result):
     one.mask[:, 4:], one.cost[:], one.reward[:] = 0, 1, 1
     one.cost[:, :3] = 0
     judged = np.ones(one.mask.shape, np.float32), np.ones(1, np.float32)
-    constraint = find_constraint(settings["constraint"], "pendulum")
-    side = robot_scene._side(
-        "expert", result, make_body("pendulum", settings), constraint, one, jax.tree.map(jnp.asarray, judged)
-    )
+    body = make_body("pendulum", settings)
+    quantity = robot_scene._quantity(result.plan.env.limit, body)
+    side = robot_scene._side("expert", result, body, quantity, one, jax.tree.map(jnp.asarray, judged))
     assert (side.length.tolist(), side.returns.tolist(), side.violation_rate.tolist()) == ([4], [4.0], [0.25])
 
 
@@ -168,12 +167,12 @@ def test_figure_3_has_the_demonstration_on_the_left_and_the_policy_on_the_right(
     assert drawing.caption.endswith(f"the demonstration {demonstrated}; the policy {learned}.")
 
 
-def test_a_constraint_of_ones_own_has_violations_and_no_line(result, monkeypatch):
+def test_a_constraint_of_ones_own_has_violations_and_no_line(run_dir, monkeypatch):
     def never_seen(qpos, action, limit):
         return qpos[1] > limit
 
     monkeypatch.setitem(CONSTRAINTS["position"], "pendulum", Constraint(never_seen, limit=0.1, task="wall"))
-    scene = robot_scene.gather(result, episodes=1)
+    scene = robot_scene.gather(load(run_dir), episodes=1)
     assert (scene.quantity, scene.limits, scene.wall, scene.learned.level) == ("", (), None, None)
     assert "limit" not in film(scene)[1]
     assert '"level":null' in player.page(scene)

@@ -9,7 +9,7 @@ from aircl_jax.methods import METHODS
 from aircl_jax.model.modules import ENCODERS, running_sum, smooth_minimum
 from aircl_jax.model.networks import OBS_CLIP, make_networks
 from aircl_jax.types import ObsStats
-from envs import Box, make_env
+from envs import Box, Coordinates, make_env
 from tests.worlds import TINY, one_state_env, random_trajectories, tiny_grid, tiny_networks, unit_stats
 
 
@@ -80,7 +80,7 @@ def test_log_pi_is_the_log_probability_of_each_step():
 @pytest.mark.parametrize(("name", "settings"), [("meerkat", {"data": "simulated"}), ("labyrinth", {"data": "simulated"})])
 def test_tables_of_an_enumerated_world_give_what_the_networks_give_step_by_step(name, settings):
     world = make_env(name, **settings)
-    plain = replace(world, codes=None, maze=None)
+    plain = replace(world, view=Coordinates())
     assert world.enumerated
     assert not plain.enumerated
     one = jax.tree.map(lambda leaf: leaf[0], random_trajectories(world, 0, 1))

@@ -16,7 +16,7 @@ from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from aircl_jax.types import Metrics, ObsStats, Params, Thresholds, Trajectory
 from envs import Env
-from envs.robots.practice_worlds import RESTART, restarting, weakened
+from envs.robots.practice_worlds import restarting, weakened
 
 _TRUE_REWARD = Method(reward="true", discriminator_of="none", feasibility="none", terms=())
 
@@ -85,7 +85,7 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
         multiplier = jnp.where(held, state.multiplier, 0.0)
         motors = weakened(env, jnp.where(held, config.motor_limit, jnp.inf)) if config.motor_limit else env
         world = restarting(motors, config.fall_cost)
-        met = _unrestarted(rollouts(acting, key_rollout, config.num_trajectories, world))
+        met = rollouts(acting, key_rollout, config.num_trajectories, world)
         batch = make_batch(acting, state.cost_value, met, multiplier, config)
         state, metrics = update(acting, state, batch, key_update, config)
         cost = (met.cost * met.mask).sum(axis=1)
@@ -110,10 +110,6 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
 def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
     """Adam on the policy and both critics, clipped by the norm of all three: the shipped experts were trained so."""
     return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(config.learning_rate, eps=1e-5))
-
-
-def _unrestarted(met: Trajectory) -> Trajectory:
-    return met._replace(cost=jnp.maximum(met.cost, 0.0), mask=met.mask * (met.cost != RESTART))
 
 
 def next_multiplier(multiplier: Float[Array, ""], cost: Float[Array, ""], config: LagrangianConfig) -> Float[Array, ""]:

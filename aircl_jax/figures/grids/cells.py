@@ -17,7 +17,7 @@ from aircl_jax.analysis.episodes import Evidence, GridEvidence
 from aircl_jax.figures.style import BLACK, Drawing, final, over_seeds
 from aircl_jax.runs.result import Result
 from aircl_jax.types import Trajectory
-from envs.base import Layout, Tabular
+from envs import Grid, Tabular
 
 UNSEEN = 1e-3  # occupancy of expert and of π below which f and δ of a cell are not compared
 DIVERGING = "PuOr_r"
@@ -37,7 +37,7 @@ class Map(NamedTuple):
     doubtful: Bool[np.ndarray, "..."] = np.zeros((), bool)
 
 
-def draw(result: Result, layout: Layout, table: Tabular, found: Evidence) -> Iterator[Drawing]:
+def draw(result: Result, layout: Grid, table: Tabular, found: Evidence) -> Iterator[Drawing]:
     maps = episodes.gather_grid(result, table)
     if result.plan.method.learns_reward:
         yield reward_maps(result, layout, table, maps)
@@ -46,7 +46,7 @@ def draw(result: Result, layout: Layout, table: Tabular, found: Evidence) -> Ite
     yield occupancy_maps(result, layout, maps)
 
 
-def reward_maps(result: Result, layout: Layout, table: Tabular, maps: GridEvidence) -> Drawing:
+def reward_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvidence) -> Drawing:
     """Draw the true r(c, a) beside the mean over seeds of f(c, a), both centred on the visited cells."""
     true = np.asarray(table.reward)[: layout.size**2]
     seen = (maps.expert_occupancy + maps.occupancy.mean(axis=0)) / 2
@@ -71,7 +71,7 @@ def reward_maps(result: Result, layout: Layout, table: Tabular, maps: GridEviden
     return Drawing("reward", figure, caption)
 
 
-def feasibility_maps(result: Result, layout: Layout, table: Tabular, maps: GridEvidence, found: Evidence) -> Drawing:
+def feasibility_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvidence, found: Evidence) -> Drawing:
     """Draw δ₁ of each cell beside the true constraint; where either has no value by cell, both of the paths through it."""
     doubtful = np.zeros(layout.size**2, bool)
     if result.plan.method.tests_steps and len(table.cost) == layout.size**2:
@@ -95,7 +95,7 @@ def feasibility_maps(result: Result, layout: Layout, table: Tabular, maps: GridE
     return Drawing("feasibility", figure, caption)
 
 
-def occupancy_maps(result: Result, layout: Layout, maps: GridEvidence) -> Drawing:
+def occupancy_maps(result: Result, layout: Grid, maps: GridEvidence) -> Drawing:
     """Draw the share of the timesteps in each cell: the expert's, the policy's, and the difference."""
     expert, policy = 100 * maps.expert_occupancy, 100 * maps.occupancy.mean(axis=0)
     shared, unit = Normalize(0, max(expert.max(), policy.max())), "timesteps (%)"
@@ -118,7 +118,7 @@ def occupancy_maps(result: Result, layout: Layout, maps: GridEvidence) -> Drawin
     return Drawing("occupancy", figure, caption)
 
 
-def draw_layout(axis: Axes, layout: Layout, filled: bool = False) -> None:
+def draw_layout(axis: Axes, layout: Grid, filled: bool = False) -> None:
     """Mark start, goal and the zones of the constraint on a map."""
     for name, cells in layout.zones.items():
         for row, column in cells:
@@ -143,7 +143,7 @@ def _corner(axis: Axes, row: int, column: int, name: str) -> None:
     axis.text(column - 0.28, row - 0.27, name, ha="center", va="center", fontsize=5.5, bbox=patch, zorder=6)
 
 
-def _cell_map(axis: Axes, layout: Layout, one: Map) -> None:
+def _cell_map(axis: Axes, layout: Grid, one: Map) -> None:
     """Draw each cell's colour, and its number where there is room; doubtful ones in brackets."""
     shape = (layout.size, layout.size)
     colours = mpl.colormaps[one.colours].with_extremes(bad="white")
@@ -169,7 +169,7 @@ def _scale(axis: Axes, mappable: Any, label: str) -> None:
     axis.get_figure().colorbar(mappable, ax=axis, shrink=0.9, label=label)  # pyright: ignore[reportOptionalMemberAccess]
 
 
-def _action_map(axis: Axes, layout: Layout, values: Float[np.ndarray, "C A"], norm: Normalize, title: str) -> None:
+def _action_map(axis: Axes, layout: Grid, values: Float[np.ndarray, "C A"], norm: Normalize, title: str) -> None:
     """Draw each cell as four triangles: up, right, down and left."""
     row, column = np.divmod(np.arange(layout.size**2), layout.size)
     middle = np.stack([column, row], axis=1)
@@ -182,7 +182,7 @@ def _action_map(axis: Axes, layout: Layout, values: Float[np.ndarray, "C A"], no
     _scale(axis, cells, "reward per step, centred")
 
 
-def _hide(axis: Axes, layout: Layout, hidden: Bool[np.ndarray, " C"]) -> None:
+def _hide(axis: Axes, layout: Grid, hidden: Bool[np.ndarray, " C"]) -> None:
     for cell in np.flatnonzero(hidden):
         row, column = divmod(int(cell), layout.size)
         box = Rectangle((column - 0.5, row - 0.5), 1, 1, fc="#f2f2f2", ec="#bbbbbb", lw=0, hatch="////", zorder=3)

@@ -13,19 +13,19 @@ from aircl_jax.figures.grids.cells import draw_layout
 from aircl_jax.figures.style import BLUE, GREY, ORANGE, Drawing, over_seeds
 from aircl_jax.runs.result import Result
 from aircl_jax.types import Trajectory
-from envs.base import Layout
+from envs import Grid
 from envs.gridworld import MOVES
 
 NUM_PATHS = 60
 
 
-def draw(result: Result, layout: Layout, found: Evidence) -> Iterator[Drawing]:
+def draw(result: Result, layout: Grid, found: Evidence) -> Iterator[Drawing]:
     if len(layout.zones) == 2 and result.plan.method.learns_feasibility:
         yield order_of_zones(result, layout, found)
     yield paths(result, layout, found)
 
 
-def paths(result: Result, layout: Layout, found: Evidence) -> Drawing:
+def paths(result: Result, layout: Grid, found: Evidence) -> Drawing:
     """Draw trajectories of D_E, π and q of the first seed, those that violate last and in another colour."""
     first = [first_seed(result.expert), first_seed(found.policy)]
     titles = ["demonstrations $D_E$", r"policy $\pi$"]
@@ -51,7 +51,7 @@ def paths(result: Result, layout: Layout, found: Evidence) -> Drawing:
     return Drawing("paths", figure, caption)
 
 
-def order_of_zones(result: Result, layout: Layout, found: Evidence) -> Drawing:
+def order_of_zones(result: Result, layout: Grid, found: Evidence) -> Drawing:
     """Draw the mean δ̄ of the reference set's trajectories by which of two zones they visit, and in which order."""
     one, two = layout.zones
     classes = visits(_visited_cells(result.reference), layout)
@@ -75,7 +75,7 @@ def order_of_zones(result: Result, layout: Layout, found: Evidence) -> Drawing:
     return Drawing("order_of_zones", figure, caption)
 
 
-def visits(cells: Int[np.ndarray, "N T"], layout: Layout) -> dict[str, Bool[np.ndarray, " N"]]:
+def visits(cells: Int[np.ndarray, "N T"], layout: Grid) -> dict[str, Bool[np.ndarray, " N"]]:
     """Mark the trajectories that visit neither zone, the first or the second alone, and both in either order."""
     first, second = (np.isin(cells, [_index(cell, layout) for cell in zone]) for zone in layout.zones.values())
     in_order = _any(second & (np.cumsum(first, axis=1) > 0))
@@ -93,7 +93,7 @@ def _any(steps: Bool[np.ndarray, "N T"]) -> Bool[np.ndarray, " N"]:
     return np.asarray(steps.any(axis=1))
 
 
-def draw_paths(axis: Axes, layout: Layout, cells: Int[np.ndarray, "N T"], violating: Bool[np.ndarray, " N"]) -> None:
+def draw_paths(axis: Axes, layout: Grid, cells: Int[np.ndarray, "N T"], violating: Bool[np.ndarray, " N"]) -> None:
     shift = np.random.default_rng(0).uniform(-0.3, 0.3, (len(cells), 2))
     for index in np.argsort(violating, kind="stable"):
         row, column = np.divmod(cells[index], layout.size)
@@ -103,7 +103,7 @@ def draw_paths(axis: Axes, layout: Layout, cells: Int[np.ndarray, "N T"], violat
     axis.vlines(np.arange(layout.size) - 0.5, -0.5, layout.size - 0.5, color=GREY, lw=0.3, zorder=1)
 
 
-def cells_of(trajectories: Trajectory, layout: Layout) -> Int[np.ndarray, "N T1"]:
+def cells_of(trajectories: Trajectory, layout: Grid) -> Int[np.ndarray, "N T1"]:
     """List the cells observed, and the cell that the last action aims at, since no observation follows the last step."""
     seen = _visited_cells(trajectories)
     row, column = np.divmod(seen[:, -1], layout.size)
@@ -121,5 +121,5 @@ def first_seed(trajectories: Trajectory) -> Trajectory:
     return Trajectory(*(np.asarray(leaf)[0] for leaf in trajectories))  # pyright: ignore[reportArgumentType]
 
 
-def _index(cell: Sequence[int], layout: Layout) -> int:
+def _index(cell: Sequence[int], layout: Grid) -> int:
     return cell[0] * layout.size + cell[1]

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from aircl_jax.analysis.coordinate_contributions import Contributions
-from aircl_jax.figures.robots.step_histograms import Limit, constraint_limit
+from aircl_jax.figures.robots.step_histograms import lines_of_coordinate, lines_of_motors
 from aircl_jax.figures.style import BLUE, GREEN, GREY, ORANGE, Drawing, over_seeds
 from aircl_jax.runs.result import Result
 
@@ -14,7 +14,9 @@ LEAST = -6.0  # lower end of every axis: a ratio of e^-6
 
 def by_coordinate(result: Result, found: Contributions) -> Drawing:
     """Draw all seeds' curves, their mean, D_E's histogram and the true limit. Use within `matplotlib.rc_context(STYLE)`."""
-    limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
+    env = result.plan.env
+    lines = {name: lines_of_coordinate(env.limit, index) for index, name in enumerate(env.coordinate_names)}
+    lines |= dict.fromkeys(env.motor_names, lines_of_motors(env.limit))
     columns = min(COLUMNS, len(found.names))
     rows = -(-len(found.names) // columns)
     figure = Figure(figsize=(7.2, 0.5 + 1.3 * rows), layout="constrained")
@@ -29,21 +31,15 @@ def by_coordinate(result: Result, found: Contributions) -> Drawing:
         axis.fill_between(edges[:-1], LEAST, heights, step="post", color=GREY, alpha=0.3, lw=0)
         axis.plot(across, np.maximum(curves, LEAST).T, color=GREEN, lw=0.5, alpha=0.5)
         axis.plot(across, np.maximum(curves.mean(axis=0), LEAST), color=BLUE, lw=1.3)
-        for value in _limits(limit, index, name in result.plan.env.motor_names):
+        for value in lines[name]:
             axis.axvline(value, color=ORANGE, ls=(0, (4, 2)), lw=1.0)
         axis.set(xlabel=name, ylim=(LEAST, top), xlim=(across[0], across[-1]))
     figure.supylabel("log ratio, expert : policy", fontsize=7)
-    dashed = " The dashed lines are the true limit, which no part of the training has read." if limit else ""
+    drawn = any(lines[name] for name in found.names)
+    dashed = " The dashed lines are the true limit, which no part of the training has read." if drawn else ""
     caption = (
         "What each coordinate adds to the logarithm of the density ratio that δ₁ tests: 0 is what it adds on average in D_E, "
         f"far below 0 is where demonstrations do not go and the policy does. {over_seeds(result)}: the mean (blue), every seed "
         f"(green), the histogram of D_E (grey).{dashed}"
     )
     return Drawing("constraint_by_coordinate", figure, caption)
-
-
-def _limits(limit: Limit | None, index: int, is_motor: bool) -> tuple[float, ...]:
-    if limit is None:
-        return ()
-    drawn = is_motor if limit.across == "actions" else index == 0
-    return limit.values if drawn else ()

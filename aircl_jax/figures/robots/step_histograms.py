@@ -1,7 +1,7 @@
 """Draw histograms for worlds without a table: actions and observations, the demonstrations beside the policy."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -12,8 +12,7 @@ from aircl_jax.analysis.episodes import Evidence
 from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing, over_seeds
 from aircl_jax.runs.result import Result
 from aircl_jax.types import Trajectory
-from envs import Box
-from envs.robots.constraints import find_constraint
+from envs import Box, Limit
 
 BINS = 40
 WIDEST = 5.0  # standard deviations of D_E to either side of its mean that a histogram shows at most
@@ -21,37 +20,26 @@ NARROWEST = 1e-3  # width of the histogram of a coordinate that stays constant
 COLUMNS = 4
 
 
-class Limit(NamedTuple):
-    """The limit of a named constraint: on every action, or on an observed coordinate."""
-
-    across: str  # actions or observations
-    values: tuple[float, ...]
-
-
 def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
-    limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
-    space = result.plan.env.action_space
+    env = result.plan.env
+    space = env.action_space
     expert, policy = _steps(result.expert), _steps(found.policy)
     if isinstance(space, Box):
         clipped = [np.clip(actions, space.low, space.high) for actions in (expert.action, policy.action)]
-        drawn = limit.values if limit and limit.across == "actions" else ()
-        names = result.plan.env.motor_names
-        yield _drawing(result, "actions", clipped, names, dict.fromkeys(names, drawn), (space.low, space.high))
-    names = result.plan.env.coordinate_names
-    drawn = limit.values if limit and limit.across == "observations" else ()
-    yield _drawing(result, "observations", [expert.obs, policy.obs], names, {names[0]: drawn}, None)
+        lines = [lines_of_motors(env.limit)] * space.size
+        yield _drawing(result, "actions", clipped, env.motor_names, lines, (space.low, space.high))
+    lines = [lines_of_coordinate(env.limit, index) for index in range(env.obs_size)]
+    yield _drawing(result, "observations", [expert.obs, policy.obs], env.coordinate_names, lines, None)
 
 
-def constraint_limit(env_name: str, settings: Mapping[str, Any]) -> Limit | None:
-    """Find the limit of a robot's named constraint; None where there is none to draw."""
-    if "constraint" not in settings:
-        return None
-    constraint = find_constraint(settings["constraint"], env_name)
-    asked = settings["limit"]
-    limit = constraint.limit if isinstance(asked, str) else float(asked)
-    if constraint.of == "state_action":
-        return Limit("actions", (-limit, limit))
-    return Limit("observations", (limit,)) if constraint.task == "wall" else None  # x is the first observation
+def lines_of_coordinate(limit: Limit | None, index: int) -> tuple[float, ...]:
+    """Where the constraint's limit stands on the axis of a coordinate; empty where it bounds something else."""
+    return limit.lines if limit is not None and limit.bounds == index else ()
+
+
+def lines_of_motors(limit: Limit | None) -> tuple[float, ...]:
+    """Where the constraint's limit stands on the axis of every motor; empty where it bounds something else."""
+    return limit.lines if limit is not None and limit.bounds == "actions" else ()
 
 
 class _Steps(NamedTuple):
@@ -70,7 +58,7 @@ def _drawing(
     what: str,
     pair: Sequence[Float[np.ndarray, "_ K"]],
     names: Sequence[str],
-    limits: dict[str, tuple[float, ...]],
+    lines: Sequence[tuple[float, ...]],
     span: tuple[float, float] | None,
 ) -> Drawing:
     columns = min(COLUMNS, len(names))
@@ -81,15 +69,15 @@ def _drawing(
         axis.remove()
     for index, name in enumerate(names):
         _histogram(axes[index], pair[0][:, index], pair[1][:, index], span)
-        for limit in limits.get(name, ()):
+        for limit in lines[index]:
             axes[index].axvline(limit, color=ORANGE, ls=(0, (4, 2)), lw=1.0)
         axes[index].set_xlabel(name)
     handles = [axes[0].plot([], [], color=colour, lw=1.4, label=label)[0] for colour, label in _LEGEND]
-    if any(limits.values()):
+    if any(lines):
         handles += axes[0].plot([], [], color=ORANGE, ls=(0, (4, 2)), lw=1.0, label="limit of the constraint")
     figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, handlelength=1.5, columnspacing=1.2)
     figure.supylabel("density (per unit)", fontsize=7)
-    said = "; beyond the dashed lines the constraint is violated" if any(limits.values()) else ""
+    said = "; beyond the dashed lines the constraint is violated" if any(lines) else ""
     caption = (
         f"Histograms of the {what} of all timesteps, D_E beside fresh episodes of the policy: {over_seeds(result)} "
         f"pooled{said}."

@@ -8,7 +8,7 @@ HINGE, PLANE, CAPSULE = 3, 0, 3  # mjtJoint.mjJNT_HINGE, mjtGeom.mjGEOM_PLANE, m
 
 
 class Spring(NamedTuple):
-    """How limits and contacts give way: acceleration = −damping·velocity − stiffness·impedance·distance."""
+    """Softness of limits and contacts: acceleration = −damping·velocity − stiffness·impedance·distance."""
 
     stiffness: float  # 1/s²
     damping: float  # 1/s
@@ -55,7 +55,7 @@ class _Plane(NamedTuple):
 
 
 def chain_of(model: Any) -> Chain:
-    """Its body must hang on slides and one hinge, all other links on hinges, all in one plane; its floor is level."""
+    """Read the constants. A root moves on slides and one hinge, the other links on hinges, all in one plane."""
     hinge = model.jnt_type == HINGE
     normal = np.abs(model.jnt_axis[hinge]).max(axis=0)
     plane = _Plane(normal, [0, 1], 1.0) if normal[2] == 1 else _Plane(normal, [0, 2], -1.0)

@@ -26,7 +26,7 @@ Physics = Callable[
 
 
 class Pose(NamedTuple):
-    """Where everything is, in metres from the root."""
+    """Positions of a body's parts, in metres from the root."""
 
     cos: Float[Array, "B N"]
     sin: Float[Array, "B N"]
@@ -36,7 +36,7 @@ class Pose(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The limits and contacts of one state: each wants an acceleration, with a weight (0: out of reach)."""
+    """Limits and contacts of one state. Each has a wanted acceleration and a weight, 0 where it is out of reach."""
 
     side: Joints  # 1 at a lower limit, −1 at an upper one
     stop: Joints  # weight of the limits
@@ -48,7 +48,7 @@ class Rows(NamedTuple):
 
 
 def pose(chain: Chain, qpos: Joints) -> Pose:
-    """Every point is Σ_k R(φ_k) c_k over the links k between the root and it, with constant c_k."""
+    """Place every point: Σ_k R(φ_k) c_k over the links k between the root and it, with constant c_k."""
     angle = chain.angle @ (qpos - chain.qpos0)
     cos, sin = jnp.cos(angle), jnp.sin(angle)
     points = (chain.place @ jnp.concatenate([cos, sin])).reshape(2, -1, qpos.shape[-1])
@@ -59,13 +59,13 @@ def pose(chain: Chain, qpos: Joints) -> Pose:
 
 
 def move(at: Pose, moves: np.ndarray, points: Float[Array, "2 X N"], rate: Joints) -> tuple[Points, Points, Points]:
-    """J·w at some points: their motion along u and v, and their links' turning."""
+    """Compute J·w at some points: their motion along u and v, and the turning of their links."""
     u, v, turning = (moves.T @ (column * rate) for column in at.columns)
     return u - turning * points[1], v + turning * points[0], turning
 
 
 def feel(at: Pose, moves: np.ndarray, points: Float[Array, "2 X N"], force: tuple[Points, Points, Points]) -> Joints:
-    """Jᵀ·force: what each joint feels of (u, v, moment) at some points."""
+    """Compute Jᵀ·force: the force on each joint of (u, v, moment) at some points."""
     u, v, moment = force
     beyond = jnp.stack([moves @ u, moves @ v, moves @ (points[0] * v - points[1] * u + moment)])
     return (at.columns * beyond).sum(axis=0)
@@ -74,7 +74,7 @@ def feel(at: Pose, moves: np.ndarray, points: Float[Array, "2 X N"], force: tupl
 def stiff(
     chain: Chain, at: Pose, moves: np.ndarray, points: Float[Array, "2 X N"], block: tuple[Points, Points, Points, Points]
 ) -> Entries:
-    """Jᵀ K J, K = [[uu, uv], [uv, vv]] and one against turning, at some points."""
+    """Compute Jᵀ K J at some points, with K = [[uu, uv], [uv, vv]] and a stiffness against turning."""
     uu, uv, vv, turning = block
     first_u, first_v = uv * points[0] - uu * points[1], vv * points[0] - uv * points[1]
     second = points[0] * first_v - points[1] * first_u + turning
@@ -87,7 +87,7 @@ def stiff(
 
 
 def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, "A N"]) -> Joints:
-    """Motors + gravity + drag − damping − Coriolis and centrifugal forces."""
+    """Sum motors, gravity and drag, less damping, Coriolis and centrifugal forces."""
     joints, links = chain.turn.size, chain.mass.size
     along, across, spin = move(at, chain.moves, at.centre, qvel)
     to_centres = chain.place.reshape(2, -1, 2 * links)[:, joints : joints + links].reshape(2 * links, 2 * links)
@@ -104,7 +104,7 @@ def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, "A N
 
 
 def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
-    """Each joint against the nearer of its limits, each end against the floor, as MuJoCo's soft constraints."""
+    """Set up MuJoCo's soft constraints: each joint at the nearer of its limits, each end on the floor."""
     low, high = qpos - chain.low, chain.high - qpos
     side = jnp.where(low < high, 1.0, -1.0)
     stop, stop_pull = _soften(chain.limit, jnp.minimum(low, high), chain.limit_mass)
@@ -125,7 +125,7 @@ def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
 
 
 def _soften(spring: Spring, distance: Points, mass: np.ndarray) -> tuple[Points, Points]:
-    """(mass·impedance/(1 − impedance), −stiffness·impedance·distance) where the distance is negative, else 0."""
+    """Return (mass·impedance/(1 − impedance), −stiffness·impedance·distance) where the distance is negative, else 0."""
     x = jnp.minimum(jnp.abs(distance) / spring.width, 1.0)
     rising = x**spring.power / spring.middle ** (spring.power - 1)
     falling = 1 - (1 - x) ** spring.power / (1 - spring.middle) ** (spring.power - 1)
@@ -137,7 +137,7 @@ def _soften(spring: Spring, distance: Points, mass: np.ndarray) -> tuple[Points,
 
 
 def constrain(chain: Chain, at: Pose, rows: Rows, mass: Entries, force: Joints, guess: Joints, iterations: int) -> Joints:
-    """argmin_q̈ ½|q̈ − M⁻¹force|²_M + ½ Σ_r D_r min(J_r q̈ − want_r, 0)² by Newton steps over the rows that push."""
+    """Minimise ½|q̈ − M⁻¹force|²_M + ½ Σ_r D_r min(J_r q̈ − want_r, 0)² over q̈, by Newton steps on the rows that push."""
     wider = jnp.asarray(chain.friction)
 
     def newton_step(_: Any, qacc: Joints) -> Joints:
@@ -161,7 +161,7 @@ def constrain(chain: Chain, at: Pose, rows: Rows, mass: Entries, force: Joints, 
 
 
 def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int) -> Physics:
-    """One control step (qpos, qvel, action) → (qpos, qvel) of a compiled model's planar body."""
+    """Make the control step (qpos, qvel, action) → (qpos, qvel) of a compiled model's planar body."""
     chain, dt = chain_of(model), float(model.opt.timestep)
 
     def dynamics(qpos: Joints, qvel: Joints, action: Float[Array, "A N"], guess: Joints) -> tuple[Joints, Entries]:
@@ -173,7 +173,7 @@ def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int
         return constrain(chain, at, rows, mass, force, guess, iterations), mass
 
     def euler(qpos: Joints, qvel: Joints, action: Float[Array, "A N"], guess: Joints) -> tuple[Joints, Joints, Joints]:
-        """Semi-implicit, the joints' damping implicit: (M + dt D) Δq̇ = dt M q̈ (MuJoCo, "Numerical integration")."""
+        """Step semi-implicitly, with the joints' damping implicit: (M + dt D) Δq̇ = dt M q̈ (MuJoCo, "Numerical integration")."""
         qacc, mass = dynamics(qpos, qvel, action, guess)
         step = qacc
         if chain.damping.any():
@@ -182,7 +182,7 @@ def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int
         return qpos + dt * qvel, qvel, qacc
 
     def rk4(qpos: Joints, qvel: Joints, action: Float[Array, "A N"], guess: Joints) -> tuple[Joints, Joints, Joints]:
-        """The classical fourth-order Runge–Kutta step; each stage starts its solver from the stage before."""
+        """Take a classical fourth-order Runge–Kutta step. Each stage starts its solver from the stage before."""
 
         def stage(carry: tuple[Joints, ...], weights: Float[Array, "2"]) -> tuple[tuple[Joints, ...], None]:
             speed, rate, speeds, rates = carry
@@ -210,9 +210,10 @@ def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int
 
 
 def _of_one(many: Callable[..., tuple[Array, Array]]) -> Callable[..., tuple[Array, Array]]:
-    """A function of arrays [..., N] as one of an environment's; a `vmap` of it calls `many` and keeps environments last.
+    """Turn `many`, which takes N environments on the last axis, into a function of one whose `vmap` calls `many` once.
 
-    A plain `vmap` would put them first. The rule knows no reverse mode, so derivatives are those of `many` at N = 1.
+    A plain `vmap` would put the environments first. The batching rule has no reverse mode, so derivatives are taken
+    through `many` at N = 1.
     """
 
     def plain(*inputs: Array) -> tuple[Array, Array]:

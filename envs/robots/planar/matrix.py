@@ -14,13 +14,13 @@ Entries = Float[Array, "P N"]  # those of `Chain.pairs`
 
 
 def diagonal(chain: Chain, values: Float[Array | np.ndarray, "V #N"]) -> Float[Array, "P #N"]:
-    """The matrix with these values on its diagonal."""
+    """Make the matrix with these values on its diagonal."""
     on = [[float(j == i == joint) for joint in range(chain.turn.size)] for j, i in chain.pairs]
     return jnp.array(on) @ values
 
 
 def times(chain: Chain, matrix: Entries, vector: Joints) -> Joints:
-    """matrix · vector."""
+    """Multiply a matrix and a vector."""
     joints = range(chain.turn.size)
     lower = jnp.array([[float(j == joint) for j, _ in chain.pairs] for joint in joints])
     upper = jnp.array([[float(i == joint != j) for j, i in chain.pairs] for joint in joints])
@@ -29,7 +29,7 @@ def times(chain: Chain, matrix: Entries, vector: Joints) -> Joints:
 
 
 def solve(chain: Chain, matrix: Entries, vector: Joints) -> Joints:
-    """matrix⁻¹ vector, eliminated from the leaves so that nothing fills in (Featherstone, section 6.5), in scalars."""
+    """Solve matrix · x = vector. Elimination starts at the leaves, so that no zero fills in (Featherstone, section 6.5)."""
     left, right = dict(zip(chain.pairs, matrix, strict=True)), list(vector)
     above = [[i for j, i in chain.pairs if j == k != i] for k in range(len(right))]
     inverse = {}

@@ -103,14 +103,16 @@ def test_a_world_that_ends_begins_again_after_one_masked_step():
     state = training.init(jax.random.key(0))
     again = restarting(world, fall_cost=5.0)
     carried, _ = again.reset(jax.random.key(1))
-    counts, costs = [], []
+    counts, costs, counted = [], [], []
     for t in range(6):
         carried, result = again.step(jax.random.key(t), carried, jnp.zeros(1))
         counts.append(int(carried[0]))
         costs.append(float(result.cost))
+        counted.append(float(result.counts))
         assert result.terminated == 0.0
     assert counts == [1, 2, 0, 1, 2, 0]
-    assert costs == [0.0, 5.0, -1.0, 0.0, 5.0, -1.0]  # the end costs, the step after it is none of the task's
+    assert costs == [0.0, 5.0, 0.0, 0.0, 5.0, 0.0]  # the end costs
+    assert counted == [1.0, 1.0, 0.0, 1.0, 1.0, 0.0]  # the step after it is none of the task's
     assert np.isfinite(observation_stats(state).std).all()
 
 
@@ -212,7 +214,7 @@ def test_weakened_motors_stop_at_the_limit_and_to_ask_for_more_costs():
 def test_shipped_demonstrations_are_clean_and_the_reference_set_has_both_labels(name):
     env, constraint = name.split("_")
     world = make_env(env, constraint=constraint)
-    assert world.demonstrations == name
+    assert world.shipped_demonstrations == name
     expert, reference = load_shipped(name, world), load_shipped(f"{name}_reference", world)
     assert len(expert.obs) == 50
     assert expert.cost.sum() == 0.0

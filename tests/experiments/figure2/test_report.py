@@ -14,7 +14,7 @@ from matplotlib.text import Annotation
 from aircl_jax.analysis.transition_distances import RiseTest
 from aircl_jax.figures.animals import ground_maps
 from aircl_jax.figures.animals import transitions as plots_animals
-from envs.animals.columns import Mapping
+from envs.animals.columns import ColumnMapping
 from envs.animals.tracks import Tracks
 from envs.animals.windows import Coded, Report, Transitions
 from experiments.figure2 import __main__ as figure2
@@ -23,7 +23,7 @@ from experiments.figure2.report import code_table, long_pairs, report, rise_tabl
 
 NAMES = ("rest", "dig", "run")
 SETTINGS = Settings(draws=20, out="")
-MAPPING = Mapping(
+MAPPING = ColumnMapping(
     "made up", {}, missing_coordinates=(30.0, 40.0), coordinate_scale=10.0, coordinate_unit="metres", map_axes=(0, 2)
 )
 

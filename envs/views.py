@@ -1,0 +1,42 @@
+"""How a world is drawn and what its observations and actions are called: `Env.view` is one of these."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+
+class Coordinates(NamedTuple):
+    """A world of numbers: the names of an observation's coordinates and of a Box action's motors. Empty: by number."""
+
+    names: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()
+
+
+class Grid(NamedTuple):
+    """A square grid: cells are [row, column], and observation i is one-hot of [i // size, i % size]."""
+
+    size: int
+    start: tuple[int, int]
+    goal: tuple[int, int]
+    zones: dict[str, tuple[tuple[int, int], ...]]  # the cells that the constraint speaks of, by name
+
+
+class Codes(NamedTuple):
+    """A world of codes: observation i is one-hot of code i, and action j makes j the next code."""
+
+    names: tuple[str, ...]
+    impossible: Bool[np.ndarray, "C C"]  # [from, to] that recording and coding rule out, whatever the animals want
+
+
+class Maze(NamedTuple):
+    """A world of nodes: observation i is one-hot of node i."""
+
+    position: Float[np.ndarray, "X 2"]  # where to draw each node
+    successor: Int[np.ndarray, "X A"]
+    marks: dict[str, int]  # the nodes that have a name
+
+
+BY_NUMBER = Coordinates()
+
+View = Coordinates | Grid | Codes | Maze

@@ -1,0 +1,85 @@
+"""A world that does not fit its own fields is refused in one line that names it."""
+
+from copy import copy
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from envs import Box, Codes, Coordinates, Discrete, Grid, Limit, Step, make_env
+from envs.checks import check_env
+from tests.worlds import one_state_env, tiny_grid
+
+WORLD = replace(one_state_env(lambda t, action: 0.0 * t, horizon=3, action_space=Box(2)), name="point")
+
+
+def stepping(step):
+    return lambda key, state, action: (state + 1, step)
+
+
+def _changed(changes):
+    """A copy with other values, which the tests' type checker does not see."""
+    world = copy(WORLD)
+    for name, value in changes.items():
+        object.__setattr__(world, name, value)
+    return world
+
+
+FITTING = Step(jnp.zeros(4), jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"horizon": 0}, "horizon=0; choose a whole number above 0"),
+        ({"action_space": 2}, "action_space is of type int; choose Discrete or Box"),
+        ({"constraint_input": "actions"}, "constraint_input='actions'; choose from state, action, state_action"),
+        ({"reset": lambda key: jnp.zeros(4)}, "reset returns ShapeDtypeStruct; choose (state, obs)"),
+        ({"obs_size": 5}, "obs of reset has shape [4]; choose [5]"),
+        ({"step": stepping(tuple(FITTING))}, "step does not return (state, Step); choose envs.Step for the second"),
+        ({"step": stepping(FITTING._replace(obs=jnp.zeros(3)))}, "obs of step has shape [3]; choose [4]"),
+        ({"step": stepping(FITTING._replace(reward=jnp.zeros(1)))}, "reward of step has shape [1]; choose []"),
+        ({"step": stepping(FITTING._replace(cost=jnp.zeros(2)))}, "cost of step has shape [2]; choose []"),
+        (
+            {"step": lambda key, state, action: (0.5 * state, FITTING)},
+            "step changes the structure, a shape or a type of state or obs; choose those that reset returns",
+        ),
+        ({"reward_view": lambda obs: obs[:2]}, "reward_view has shape [2]; choose [4], or set reward_view_size"),
+        ({"tabular": tiny_grid().tabular}, "tabular needs a finite world; choose Discrete actions"),
+        (
+            {"tabular": tiny_grid().tabular, "action_space": Discrete(2)},
+            "tabular.transition has shape [9, 4, 9]; choose [9, 2, 9]",
+        ),
+        ({"view": Grid(3, (0, 0), (2, 2), {})}, "view names 9 coordinates; choose 4, as obs_size says"),
+        ({"view": Codes(("eat", "rest"), np.zeros((2, 2), bool))}, "view names 2 coordinates; choose 4"),
+        ({"view": Coordinates(motors=("hip",))}, "view names 1 motors; choose 2, or none"),
+        ({"limit": Limit("wall", 0.5, 4)}, "limit.bounds=4; choose a coordinate from 0 to 3, actions, or None"),
+    ],
+)
+def test_a_misfit_is_one_line_with_the_env_and_what_would_fit(changes, message):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        check_env(_changed(changes))
+    assert str(caught.value).startswith(f"env=point: {message}")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("gridworld", {}),
+        ("nonmarkov", {}),
+        ("swimmer", {"constraint": "position"}),
+        ("walker", {"constraint": "none"}),
+        ("pendulum", {"terminate": True}),
+        ("meerkat", {"data": "simulated"}),
+        ("meerkat", {"data": "simulated", "state": "place"}),
+        ("labyrinth", {"data": "simulated"}),
+    ],
+)
+def test_every_shipped_world_fits(name, settings):
+    check_env(make_env(name, **settings))
+
+
+def test_a_world_of_ones_own_fits():
+    check_env(WORLD)
