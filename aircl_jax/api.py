@@ -1,7 +1,7 @@
 """The front door: `train` runs a method on an environment over seeds, with or without a run directory."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -17,8 +17,8 @@ from aircl_jax.reports import run_report
 from aircl_jax.reports.alarms import alarms
 from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
-from aircl_jax.runs.loop import Progress, Row, Stopwatch, run_session
-from aircl_jax.runs.metrics_log import read_metrics, stack
+from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session
+from aircl_jax.runs.recorder import Memory, Recorder, Row
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
 from aircl_jax.runs.spec import Plan, make_plan, planned
@@ -43,12 +43,13 @@ def train(
     resume: bool = False,
     overwrite: bool = False,
     command: str = "",
-    on_progress: Callable[[Progress], None] = lambda _: None,
+    recorders: Sequence[Recorder] = (),
 ) -> Result:
     """Learn a reward, a constraint and a policy from demonstrations.
 
     By default `iterations`, `demonstrations` and `config` are the environment's own; `config` may be a nested mapping
     of the fields to change. With `run_dir` everything is also kept there, and `resume` continues it.
+    Each of `recorders` is told of every chunk, after it has been kept; what one of them raises ends the run.
 
     Raises:
         ValueError: in one line, before anything is written, for whatever does not fit.
@@ -68,7 +69,7 @@ def train(
     directory = None
     if run_dir is not None:
         directory = open_run(Path(run_dir), plan.settings, plan.config.chunk, existing(resume, overwrite))
-    return _train(plan, directory, command, on_progress)
+    return _train(plan, directory, command, recorders)
 
 
 def load(run_dir: str | Path) -> Result:
@@ -89,34 +90,35 @@ def load(run_dir: str | Path) -> Result:
         summary = directory.summary()
     else:
         summary = summarise(plan, _evaluator(networks, expert, reference)(states), directory.timing())
-    return _result(plan, networks, states, expert, reference, summary, directory, [])
+    return _result(plan, networks, states, expert, reference, summary, directory)
 
 
-def _train(plan: Plan, directory: RunDirectory | None, command: str, on_progress: Callable[[Progress], None]) -> Result:
+def _train(plan: Plan, directory: RunDirectory | None, command: str, recorders: Sequence[Recorder]) -> Result:
     stopwatch = Stopwatch()
     runner = make_runner(make_trainer(plan.env, plan.method, plan.config), plan.seeds)
     networks = make_networks(plan.env, plan.method, plan.config)
     expert, reference = _demonstrations(plan)
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
     if directory and directory.finished and saved:
-        return _result(plan, networks, saved, expert, reference, directory.summary(), directory, [])
+        return _result(plan, networks, saved, expert, reference, directory.summary(), directory)
     with directory.held() if directory else nullcontext():
-        with _defects_apart():
-            states, session = run_session(
-                runner,
-                saved or runner.init(expert),
-                expert,
-                start=directory.start if directory else 0,
-                iterations=plan.config.iterations,
-                chunk=plan.config.chunk,
-                evaluate=_evaluator(networks, expert, reference),
-                env_steps=plan.env_steps,
-                directory=directory,
-                stopwatch=stopwatch,
-                on_progress=on_progress,
-            )
-        summary = summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
-        result = _result(plan, networks, states, expert, reference, summary, directory, session.rows)
+        with defects_apart():
+            states = saved or runner.init(expert)
+        record = directory or Memory()
+        states, evaluation = run_session(
+            runner,
+            states,
+            expert,
+            start=directory.start if directory else 0,
+            iterations=plan.config.iterations,
+            chunk=plan.config.chunk,
+            evaluate=_evaluator(networks, expert, reference),
+            env_steps=plan.env_steps,
+            stopwatch=stopwatch,
+            recorders=(record, *recorders),
+        )
+        summary = summarise(plan, evaluation, record.timing())
+        result = _result(plan, networks, states, expert, reference, summary, record)
         if directory:
             from aircl_jax.figures import of_a_run
             from aircl_jax.reports.recovered_words import reading
@@ -153,27 +155,17 @@ def _result(
     expert: Trajectory,
     reference: Trajectory,
     summary: Mapping[str, Any],
-    directory: RunDirectory | None,
-    rows: Sequence[Row],
+    record: RunDirectory | Memory,
 ) -> Result:
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
         alarms=alarms(summary["seeds"], per_seed),
-        history=read_metrics(directory.path) if directory else stack(rows),
+        history=record.history(),
         plan=plan,
         networks=networks,
         states=states,
         expert=expert,
         reference=reference,
-        run_dir=directory.path if directory else None,
+        run_dir=record.path if isinstance(record, RunDirectory) else None,
     )
-
-
-@contextmanager
-def _defects_apart() -> Iterator[None]:
-    """A ValueError means bad input to whoever calls `train`; from within the computation it would be a defect."""
-    try:
-        yield
-    except ValueError as error:
-        raise RuntimeError("training failed") from error

@@ -123,7 +123,7 @@ def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = Fa
     line = command(job, env, method)
     try:
         result = train(
-            **given, run_dir=directory, resume=not overwrite, overwrite=overwrite, command=line, on_progress=reporter
+            **given, run_dir=directory, resume=not overwrite, overwrite=overwrite, command=line, recorders=[reporter]
         )
     finally:
         reporter.close()

@@ -78,7 +78,7 @@ def run_dir(tmp_path_factory) -> Path:
     directory = open_run(path, plan.settings, chunk=1)
     with directory.held():
         directory.append_metrics([{"return": np.array([1.0, 2.0])}])
-        directory.save(init(seed_keys(plan.seeds), expert), iteration=1, chunk=1)
+        directory.save(init(seed_keys(plan.seeds), expert), iteration=1)
         directory.append_timing({"iteration": 1, "env_steps": 400, "first": True, "seconds": 1.0, "compile_s": 0.5})
         directory.write_summary(summarise(plan, {"return": np.array([1.0, 2.0])}, directory.timing()))
     return path
