@@ -68,7 +68,7 @@ def train(
     )
     directory = None
     if run_dir is not None:
-        directory = open_run(Path(run_dir), plan.settings, plan.config.chunk, existing(resume, overwrite))
+        directory = open_run(Path(run_dir), plan.settings, plan.config.checkpoint_every, existing(resume, overwrite))
     return _train(plan, directory, command, recorders)
 
 
@@ -111,7 +111,7 @@ def _train(plan: Plan, directory: RunDirectory | None, command: str, recorders: 
             expert,
             start=directory.start if directory else 0,
             iterations=plan.config.iterations,
-            chunk=plan.config.chunk,
+            chunk=plan.config.checkpoint_every,
             evaluate=_evaluator(networks, expert, reference),
             env_steps=plan.env_steps,
             stopwatch=stopwatch,

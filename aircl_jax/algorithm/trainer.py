@@ -38,7 +38,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     nets = make_networks(env, method, config)
     pooled = method.sampled_from == "pool"
-    num_policy = config.num_trajectories * (config.pool if pooled else 1)
+    num_policy = config.num_trajectories * (config.pool_factor if pooled else 1)
     # In the rows that draw D_S from a pool the terms see N trajectories of D_P ∪ replay, half of each.
     num_judged = max(1, config.num_trajectories // 2) if pooled else config.num_trajectories
 
@@ -47,12 +47,12 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         untrained, stats = nets.init(key_nets), observation_stats(expert)
         ppo_opt = ppo.make_optimiser(config.ppo).init((untrained.policy, untrained.value))
         params = untrained
-        if config.warm_start:
+        if config.clone_epochs:
             key, key_clone = jax.random.split(key)
             passes = replace(
                 config.ppo,
-                num_epochs=config.warm_start,
-                minibatch_size=config.warm_minibatch_size,
+                num_epochs=config.clone_epochs,
+                minibatch_size=config.clone_minibatch_size,
                 learning_rate=WARM_RATE,
             )
             params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, key_clone, passes)
@@ -105,12 +105,12 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
 
 def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
-    """The networks with this iteration's learning rates: (1 − step / annealing) of the settings'; 0 for π and V at first."""
+    """The networks with this iteration's rates: (1 − step / lr_decay_iterations) of the settings'; 0 for π and V at first."""
     config = nets.config
-    if not config.annealing and not config.waiting:
+    if not config.lr_decay_iterations and not config.policy_delay:
         return nets
-    left = jnp.maximum(1.0 - step / config.annealing, 0.0) if config.annealing else 1.0
-    moves = step >= config.waiting
+    left = jnp.maximum(1.0 - step / config.lr_decay_iterations, 0.0) if config.lr_decay_iterations else 1.0
+    moves = step >= config.policy_delay
     acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
     judging = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
     return replace(nets, config=replace(config, ppo=acting, adversary=judging))

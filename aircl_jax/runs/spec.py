@@ -14,6 +14,7 @@ from aircl_jax.methods import Method, get_method
 from aircl_jax.settings.checks import check_config
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.parse import at_least, plain, updated
+from aircl_jax.settings.renamed import renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
 from envs import ENVS, Env, make_env
@@ -58,7 +59,7 @@ class Plan:
     @property
     def env_steps(self) -> int:
         """Environment steps of one iteration, of the trajectories that enter an update, over all seeds."""
-        pool = self.config.pool if self.method.sampled_from == "pool" else 1
+        pool = self.config.pool_factor if self.method.sampled_from == "pool" else 1
         return len(self.seeds) * self.config.num_trajectories * pool * self.env.horizon
 
 
@@ -115,8 +116,9 @@ def make_plan(
 
 
 def planned(settings: Mapping[str, Any]) -> Plan:
-    """The plan whose `settings` these are. Raises ValueError where a world or a file of then is not known now."""
-    env, demonstrations = dict(settings["env"]), settings["demonstrations"]
+    """The plan whose `settings` these are, under their names of today or of before. Raises ValueError where a world or a file of then is not known now."""
+    settings = renamed(settings)
+    env, demonstrations = settings["env"], settings["demonstrations"]
     if "own" in env:
         raise ValueError(
             f"env={env['name']} was given as an Env, which a run does not keep; choose a run on a named environment"

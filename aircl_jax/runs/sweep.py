@@ -44,7 +44,7 @@ def sweep(plan: Plan, coefficient: str, values: Sequence[float]) -> dict[str, Fl
     runner = make_runner(_trainer(plan, coefficient), plan.seeds * len(values))
     states, left = runner.init(given), plan.config.iterations
     while left:
-        length = min(plan.config.chunk, left)
+        length = min(plan.config.checkpoint_every, left)
         states, _ = runner.run_chunk(states, given, length)
         left -= length
     judge = make_evaluator(partial(_evaluate, plan, coefficient), len(plan.seeds) * len(values))

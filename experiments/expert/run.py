@@ -83,7 +83,7 @@ def run(task: Task, directory: RunDirectory) -> None:
 
 
 def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDirectory) -> LagrangianState:
-    iteration, iterations, chunk = directory.start, task.config.iterations, task.config.chunk
+    iteration, iterations, chunk = directory.start, task.config.iterations, task.config.checkpoint_every
     while iteration < iterations:
         started, length = time.perf_counter(), min(chunk, iterations - iteration)
         states, metrics = runner.run_chunk(states, length)

@@ -41,8 +41,8 @@ GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the si
 SMOKE = {
     "num_trajectories": 10,
     "num_evaluation": 8,
-    "chunk": 2,
-    "warm_start": 1,
+    "checkpoint_every": 2,
+    "clone_epochs": 1,
     "adversary": {"num_steps": 1},
     "ppo": {"num_epochs": 1},
 }

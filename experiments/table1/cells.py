@@ -15,6 +15,7 @@ from aircl_jax.runs.directory import CONFIG
 from aircl_jax.runs.spec import Plan, make_plan
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.parse import flatten, plain
+from aircl_jax.settings.renamed import renamed
 from aircl_jax.settings.train_config import TrainConfig
 from experiments.cli.progress import Reporter
 from experiments.shared.kept_files import keep
@@ -77,7 +78,7 @@ def chunk_of(iterations: int) -> int:
 def arguments(job: Job, env: str, method: str) -> Mapping[str, Any]:
     """Of `train`, for this cell."""
     iterations = iterations_of(job, env)
-    config = {**job.config, "chunk": chunk_of(iterations)}
+    config = {**job.config, "checkpoint_every": chunk_of(iterations)}
     return {"env": env, "method": method, "seeds": job.seeds, "iterations": iterations, "config": config}
 
 
@@ -135,7 +136,7 @@ def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = Fa
         "commits": commits,
         "settings": settings_of(plan),
         "alarms": result.alarms,
-        "curves": curves(result.history, plan.config.chunk),
+        "curves": curves(result.history, plan.config.checkpoint_every),
     }
     keep(job.path(env, method), cell)
     return cell
@@ -187,7 +188,7 @@ def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     before = flatten({"train": plain(asdict(TrainConfig()))})
     for (env, method), cell in cells.items():
-        here, there = flatten(settings_of(planned(job, env, method))), flatten(cell["settings"])
+        here, there = flatten(settings_of(planned(job, env, method))), flatten(renamed(cell["settings"]))
         for name in here | there:
             then = there.get(name, before.get(name))
             if here.get(name) != then:

@@ -13,7 +13,7 @@ CONFIG = {
     "num_demonstrations": 5,
     "num_evaluation": 10,
     "hidden": [4],
-    "chunk": 2,
+    "checkpoint_every": 2,
     "ppo": {"num_epochs": 1},
     "adversary": {"num_steps": 2},
 }

@@ -29,7 +29,14 @@ from experiments.watch import main
 from tests.worlds import UNOPTIMISED
 
 TORQUE = {"constraint": "torque", "integrator": "euler"}
-SMALL = {"num_trajectories": 2, "num_demonstrations": 2, "num_evaluation": 2, "pool": 1, "hidden": [4], "chunk": 1}
+SMALL = {
+    "num_trajectories": 2,
+    "num_demonstrations": 2,
+    "num_evaluation": 2,
+    "pool_factor": 1,
+    "hidden": [4],
+    "checkpoint_every": 1,
+}
 SCRIPT = re.compile(r'<script id="data" type="application/json">(.*?)</script>\s*<script>(.*?)</script>', re.DOTALL)
 # As much of a browser as the page's script needs; the page is then asked for the last violating step.
 BROWSER = """

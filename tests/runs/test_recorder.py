@@ -7,7 +7,7 @@ import pytest
 from aircl_jax import read_metrics, train
 from aircl_jax.runs.directory import METRICS, STATE, TIMING
 
-QUICK = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "chunk": 2}
+QUICK = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "checkpoint_every": 2}
 SETTINGS = {"env": "gridworld", "method": "bc", "seeds": 2, "iterations": 5, "config": QUICK}
 
 

@@ -49,12 +49,12 @@ def test_a_feasibility_of_actions_alone_is_refused_before_a_wall():
 
 def test_a_simulated_world_has_the_settings_of_its_kind():
     plan = make_plan(make_env("meerkat", **SIMULATED), "aircl_corrected", env_settings={}, config={}, **GIVEN)
-    assert plan.config.warm_start == default_config("meerkat", "tuned").warm_start > TrainConfig().warm_start
+    assert plan.config.clone_epochs == default_config("meerkat", "tuned").clone_epochs > TrainConfig().clone_epochs
 
 
 @pytest.mark.parametrize("method", ["bc", "gacl"])
 def test_a_method_without_a_learned_reward_has_none_to_ask_for(method):
-    quick = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "chunk": 1}
+    quick = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "checkpoint_every": 1}
     result: Result = train("gridworld", method, seeds=1, iterations=1, config=quick)
     with pytest.raises(ValueError, match=f"method={method} learns no reward"):
         result.reward(jnp.zeros(result.plan.env.obs_size), jnp.asarray(0))
