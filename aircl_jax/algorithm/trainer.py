@@ -22,8 +22,6 @@ from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
 from envs import Env
 
-WARM_RATE = 3e-3  # Adam's, of the warm start
-
 
 class Trainer(NamedTuple):
     """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure and for one seed: `vmap` for many."""
@@ -53,7 +51,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
                 config.ppo,
                 num_epochs=config.clone_epochs,
                 minibatch_size=config.clone_minibatch_size,
-                learning_rate=WARM_RATE,
+                learning_rate=config.clone_learning_rate,
             )
             params, _, _ = cloning.update(nets, untrained, ppo_opt, stats, expert, key_clone, passes)
         return TrainState(

@@ -1,8 +1,8 @@
 """Episodes of a robot to look at: poses, violations and δ₁ step by step, demonstrations beside the learned policy."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -14,7 +14,7 @@ from aircl_jax.analysis.robot_poses import Body, Stage, links, make_body, positi
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.types import TrainState, Trajectory
-from envs.robots.constraints import Constraint, Predicate, find_constraint, torque_above, x_above, x_below
+from envs.robots.constraints import Constraint, Predicate, find_constraint, limit_of, torque_above, x_above, x_below
 
 
 class Side(NamedTuple):
@@ -76,7 +76,7 @@ def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
         _side(name, result, body, constraint, trajectories, judge(trajectories))
         for name, trajectories in (("expert", demonstrations), ("learned", fresh))
     )
-    limit = _limit(constraint, settings)
+    limit = limit_of(constraint, settings["limit"])
     return Scene(
         title=f"{result.summary['method']} on {env.name}, seed {result.summary['seeds'][index]}, iteration {int(state.step)}",
         stage=body.stage,
@@ -118,10 +118,6 @@ def _side(
         violation_rate=(cost * mask).sum(axis=1) / length,
         length=length,
     )
-
-
-def _limit(constraint: Constraint, settings: Mapping[str, Any]) -> float:
-    return constraint.limit if isinstance(settings["limit"], str) else float(settings["limit"])
 
 
 def _note(body: Body) -> str:

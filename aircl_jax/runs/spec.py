@@ -116,7 +116,10 @@ def make_plan(
 
 
 def planned(settings: Mapping[str, Any]) -> Plan:
-    """The plan whose `settings` these are, under their names of today or of before. Raises ValueError where a world or a file of then is not known now."""
+    """Read the plan from its `settings`, under their names of today or of before.
+
+    Raises ValueError where a world or a file of then is not known now.
+    """
     settings = renamed(settings)
     env, demonstrations = settings["env"], settings["demonstrations"]
     if "own" in env:

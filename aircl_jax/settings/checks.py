@@ -10,7 +10,7 @@ from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
 COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "lr_decay_iterations")
 POSITIVE = ("sharpness", "threshold", "ratio_clip")  # numbers of which 0 is none
-BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max", "cost_budget")  # numbers of either sign
+BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max")  # numbers of either sign
 
 
 def check_config(config: Any, prefix: str) -> None:

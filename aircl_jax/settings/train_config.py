@@ -16,7 +16,6 @@ class Coefficients:
 
     contrast_coef: Scalar = 0.001  # φ of Eq. 13; Table 2
     minimal_coef: Scalar = 0.001  # κ of the minimal-constraint term, Section 6; Table 2
-    cost_budget: Scalar = 0.0  # α of Eq. 10; a constant, so it moves the objective and no gradient
     ratio_clip: Scalar = 1.0  # upper bound of Eq. 12's coefficient π(τ)(1 − D), which is a density and may be e^88
     sampled_coef: Scalar = 0.25  # m: weight of D_S beside D_E as feasible, in the corrected trajectory-level term
     sharpness: Scalar = 6.0  # k of the corrected test
@@ -67,6 +66,7 @@ class TrainConfig:
     constraint_input: Literal["env", "state", "action", "state_action"] = "env"  # of δ̄; env: as the environment says
     clone_epochs: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
     clone_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
+    clone_learning_rate: float = 3e-3  # Adam's, of the cloning
     policy_delay: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn to judge a clone before it moves
     lr_decay_iterations: int = (
         0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never

@@ -30,7 +30,7 @@ from aircl_jax.runs.directory import RunDirectory
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.parse import plain
 from envs import Env
-from envs.robots.constraints import find_constraint
+from envs.robots.constraints import find_constraint, limit_of
 from envs.robots.practice_worlds import clipped_world
 
 PACKAGES = ("jax", "flax", "optax", "distrax", "mujoco", "numpy")
@@ -134,9 +134,7 @@ def _clipped(task: Task, draw: Sampler, free: LagrangianState, key: jax.Array) -
     """Where actions are constrained: the unconstrained expert with its actions clipped to the limit."""
     if task.env.constraint_input == "state":
         return {}
-    limit = task.env_settings["limit"]
-    if limit == "default":
-        limit = find_constraint(task.env_settings["constraint"], task.env.name).limit
+    limit = limit_of(find_constraint(task.env_settings["constraint"], task.env.name), task.env_settings["limit"])
     world = clipped_world(task.env, limit)
     return {f"unconstrained expert, clipped to ±{limit:g}": judge(Sampler(world, draw.nets)(free, key, JUDGED))}
 

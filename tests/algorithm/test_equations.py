@@ -99,16 +99,6 @@ def test_mean_logit_option_divides_by_the_unmasked_steps():
     np.testing.assert_allclose(trajectory_logit(scores, "mean") * lengths, trajectory_logit(scores, "sum"), rtol=1e-12)
 
 
-def test_budget_of_equation_10_moves_the_objective_by_alpha_and_no_gradient():
-    def with_budget(shift, budget):
-        moved = Batches(*(one._replace(sequence_logit=one.sequence_logit + shift) for one in random_batches()))
-        return term("feasibility_gradient", batches=moved, coefficients=Coefficients(cost_budget=budget))
-
-    value, grad = jax.value_and_grad(with_budget)(0.0, 0.0)
-    value_at_budget, grad_at_budget = jax.value_and_grad(with_budget)(0.0, 0.25)
-    np.testing.assert_allclose([value - value_at_budget, grad - grad_at_budget], [0.25, 0.0], atol=1e-12)
-
-
 @pytest.mark.parametrize(("option", "reduce"), [("sum", np.sum), ("mean", np.mean)])
 @pytest.mark.parametrize("method", ["aircl", "aircl_sa"])
 def test_contrast_prior_is_minus_equation_13_over_expert_and_sampled(method, option, reduce):

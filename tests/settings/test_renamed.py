@@ -1,6 +1,8 @@
 """Names of before: `load` reads them, everything else refuses them in one line that gives today's."""
 
+import json
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ import yaml
 
 from aircl_jax import load, train
 from aircl_jax.runs.directory import CONFIG
-from aircl_jax.settings.parse import flatten
+from aircl_jax.settings.parse import flatten, plain
 from aircl_jax.settings.renamed import RENAMED, old_name, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from experiments import run
@@ -41,15 +43,25 @@ def older(today, tmp_path) -> Path:
 
 
 def test_the_table_leads_from_names_that_are_gone_to_fields_that_are_there():
-    known = {f"train.{name}" for name in flatten(vars(TrainConfig()))}
+    known = {f"train.{name}" for name in flatten(plain(asdict(TrainConfig())))}
     for old, new in RENAMED.items():
         assert old not in known
         assert new is None or (new in known and new.rpartition(".")[0] == old.rpartition(".")[0])
 
 
+def test_kept_cells_name_their_settings_as_today():
+    known = {f"train.{name}" for name in flatten(plain(asdict(TrainConfig())))}
+    paths = list(Path("results/cells").glob("*/*.json"))
+    assert paths
+    for path in paths:
+        settings = json.loads(path.read_text())["settings"]
+        assert [name for name in flatten(settings) if RENAMED.get(name)] == []
+        assert {name for name in flatten(renamed(settings)) if name.startswith("train.")} <= known
+
+
 def test_settings_of_before_get_their_names_of_today_and_others_stay():
-    given = {"env": {"pool": 1}, "train": {"pool": 4, "ppo": {"chunk": 2}}}
-    assert renamed(given) == {"env": {"pool": 1}, "train": {"pool_factor": 4, "ppo": {"chunk": 2}}}
+    given = {"env": {"pool": 1}, "train": {"pool": 4, "ppo": {"chunk": 2}, "coefficients": {"cost_budget": 0.0}}}
+    assert renamed(given) == {"env": {"pool": 1}, "train": {"pool_factor": 4, "ppo": {"chunk": 2}, "coefficients": {}}}
     assert old_name("train.pool_factor") is None
 
 
@@ -63,6 +75,11 @@ def test_a_run_of_before_is_read(older, today):
 def test_a_run_of_before_is_not_continued(older):
     with pytest.raises(ValueError, match=r"train\.\w+; it is called train\.\w+ now; choose overwrite=true"):
         train(**SETTINGS, run_dir=older, resume=True)
+
+
+def test_a_setting_that_is_gone_is_refused():
+    with pytest.raises(ValueError, match=r"train.coefficients.cost_budget; it is gone, for it changed nothing"):
+        train("gridworld", config={"coefficients": {"cost_budget": 0.1}})
 
 
 @pytest.mark.parametrize(("old", "new"), [(old, new) for old, new in RENAMED.items() if new])

@@ -13,7 +13,7 @@ from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing, over_see
 from aircl_jax.runs.result import Result
 from aircl_jax.types import Trajectory
 from envs import Box
-from envs.robots.constraints import find_constraint
+from envs.robots.constraints import find_constraint, limit_of
 
 BINS = 40
 WIDEST = 5.0  # standard deviations of D_E to either side of its mean that a histogram shows at most
@@ -47,8 +47,7 @@ def constraint_limit(env_name: str, settings: Mapping[str, Any]) -> Limit | None
     if "constraint" not in settings:
         return None
     constraint = find_constraint(settings["constraint"], env_name)
-    asked = settings["limit"]
-    limit = constraint.limit if isinstance(asked, str) else float(asked)
+    limit = limit_of(constraint, settings["limit"])
     if constraint.of == "state_action":
         return Limit("actions", (-limit, limit))
     return Limit("observations", (limit,)) if constraint.task == "wall" else None  # the wall's x is observed first
