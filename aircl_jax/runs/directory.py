@@ -20,7 +20,7 @@ import yaml
 from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, read_metrics, to_json
 from aircl_jax.runs.recorder import Row
 from aircl_jax.settings.parse import flatten
-from aircl_jax.settings.renamed import old_name
+from aircl_jax.settings.renamed import RENAMED, old_name
 from aircl_jax.storage import write_whole
 
 CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
@@ -181,7 +181,7 @@ def _refuse_other_settings(path: Path, settings: Settings) -> None:
         kept = flatten(yaml.safe_load((path / CONFIG).read_text()))
     except (yaml.YAMLError, AttributeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path / CONFIG} cannot be read; use overwrite=true to start again") from error
-    for name in kept:
+    for name in sorted(kept, key=lambda name: RENAMED.get(name) is None):
         if of_before := old_name(name):
             raise ValueError(f"run_dir={path} is of an older version: {of_before}; choose overwrite=true or another directory")
     asked = flatten(settings)
