@@ -21,7 +21,7 @@ from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session
 from aircl_jax.runs.recorder import Memory, Recorder, Row
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
-from aircl_jax.runs.spec import Plan, make_plan, planned
+from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
@@ -55,7 +55,7 @@ def train(
         ValueError: in one line, before anything is written, for whatever does not fit.
         KeyboardInterrupt: after an interrupt, once the chunk under way is saved.
     """
-    plan = make_plan(
+    spec = make_spec(
         env,
         method,
         contrast_prior=contrast_prior,
@@ -68,8 +68,8 @@ def train(
     )
     directory = None
     if run_dir is not None:
-        directory = open_run(Path(run_dir), plan.settings, plan.config.checkpoint_every, existing(resume, overwrite))
-    return _train(plan, directory, command, recorders)
+        directory = open_run(Path(run_dir), spec.settings, spec.config.checkpoint_every, existing(resume, overwrite))
+    return _train(spec, directory, command, recorders)
 
 
 def load(run_dir: str | Path) -> Result:
@@ -81,26 +81,26 @@ def load(run_dir: str | Path) -> Result:
         ValueError: in one line, where there is no run, or none that this version can read.
     """
     directory = open_saved(Path(run_dir))
-    plan = planned({**directory.settings, "iterations": directory.start})
-    networks = make_networks(plan.env, plan.method, plan.config)
-    expert, reference = _demonstrations(plan)
-    init = jax.vmap(make_trainer(plan.env, plan.method, plan.config).init)
-    states = directory.load(jax.eval_shape(init, seed_keys(plan.seeds), expert))
+    spec = read_spec({**directory.settings, "iterations": directory.start})
+    networks = make_networks(spec.env, spec.method, spec.config)
+    expert, reference = _demonstrations(spec)
+    init = jax.vmap(make_trainer(spec.env, spec.method, spec.config).init)
+    states = directory.load(jax.eval_shape(init, seed_keys(spec.seeds), expert))
     if directory.finished:
         summary = directory.summary()
     else:
-        summary = summarise(plan, _evaluator(networks, expert, reference)(states), directory.timing())
-    return _result(plan, networks, states, expert, reference, summary, directory)
+        summary = summarise(spec, _evaluator(networks, expert, reference)(states), directory.timing())
+    return _result(spec, networks, states, expert, reference, summary, directory)
 
 
-def _train(plan: Plan, directory: RunDirectory | None, command: str, recorders: Sequence[Recorder]) -> Result:
+def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorders: Sequence[Recorder]) -> Result:
     stopwatch = Stopwatch()
-    runner = make_runner(make_trainer(plan.env, plan.method, plan.config), plan.seeds)
-    networks = make_networks(plan.env, plan.method, plan.config)
-    expert, reference = _demonstrations(plan)
+    runner = make_runner(make_trainer(spec.env, spec.method, spec.config), spec.seeds)
+    networks = make_networks(spec.env, spec.method, spec.config)
+    expert, reference = _demonstrations(spec)
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
     if directory and directory.finished and saved:
-        return _result(plan, networks, saved, expert, reference, directory.summary(), directory)
+        return _result(spec, networks, saved, expert, reference, directory.summary(), directory)
     with directory.held() if directory else nullcontext():
         with defects_apart():
             states = saved or runner.init(expert)
@@ -110,15 +110,15 @@ def _train(plan: Plan, directory: RunDirectory | None, command: str, recorders: 
             states,
             expert,
             start=directory.start if directory else 0,
-            iterations=plan.config.iterations,
-            chunk=plan.config.checkpoint_every,
+            iterations=spec.config.iterations,
+            chunk=spec.config.checkpoint_every,
             evaluate=_evaluator(networks, expert, reference),
-            env_steps=plan.env_steps,
+            env_steps=spec.env_steps,
             stopwatch=stopwatch,
             recorders=(record, *recorders),
         )
-        summary = summarise(plan, evaluation, record.timing())
-        result = _result(plan, networks, states, expert, reference, summary, record)
+        summary = summarise(spec, evaluation, record.timing())
+        result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
             from aircl_jax.figures import of_a_run
             from aircl_jax.reports.recovered_words import reading
@@ -126,20 +126,20 @@ def _train(plan: Plan, directory: RunDirectory | None, command: str, recorders: 
             figures = of_a_run.write_figures(result, directory.path / FIGURES)
             words = reading(result)
             if command:
-                command = command_prefix(plan.env_settings.get("data"), plan.env.simulated) + command
+                command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
             directory.write_report(run_report.report(summary, result.alarms, figures, command, words))
             directory.write_summary(summary)
     return result
 
 
-def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
+def _demonstrations(spec: RunSpec) -> tuple[Trajectory, Trajectory]:
     """D_E of every seed, [S, N, T, …], and the reference set: the world's, that beside one's own file, or else D_E itself."""
-    if plan.own is None:
-        return sources.demonstrations(plan.env, plan.seeds, plan.config)
-    shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
-    if any((plan.env.tabular, plan.env.recorded, plan.env.demonstrations)):
-        return shared, sources.demonstrations(plan.env, plan.seeds, plan.config)[1]
-    return shared, plan.own if plan.reference is None else plan.reference
+    if spec.own is None:
+        return sources.demonstrations(spec.env, spec.seeds, spec.config)
+    shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(spec.seeds), *leaf.shape)), spec.own)
+    if any((spec.env.tabular, spec.env.recorded, spec.env.demonstrations)):
+        return shared, sources.demonstrations(spec.env, spec.seeds, spec.config)[1]
+    return shared, spec.own if spec.reference is None else spec.reference
 
 
 def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) -> Callable[[TrainState], Row]:
@@ -149,7 +149,7 @@ def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) ->
 
 
 def _result(
-    plan: Plan,
+    spec: RunSpec,
     networks: Networks,
     states: TrainState,
     expert: Trajectory,
@@ -162,7 +162,7 @@ def _result(
         summary=summary,
         alarms=alarms(summary["seeds"], per_seed),
         history=record.history(),
-        plan=plan,
+        spec=spec,
         networks=networks,
         states=states,
         expert=expert,

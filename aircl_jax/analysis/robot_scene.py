@@ -66,7 +66,7 @@ def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
 
     There are fewer where there are fewer demonstrations. Raises ValueError where the world is no robot.
     """
-    env, settings = result.plan.env, result.plan.env_settings
+    env, settings = result.spec.env, result.spec.env_settings
     body, constraint = make_body(env.name, settings), find_constraint(settings["constraint"], env.name)
     quantity, state = QUANTITIES.get(constraint.violated), result.state(index)
     demonstrations = jax.tree.map(lambda leaf: leaf[index, :episodes], result.expert)
@@ -97,7 +97,7 @@ def _roll_out(nets: Networks, number: int, state: TrainState) -> Trajectory:
 def _side(
     name: str, result: Result, body: Body, constraint: Constraint, trajectories: Trajectory, judged: tuple[Array, Array]
 ) -> Side:
-    method, space = result.plan.method, result.plan.env.action_space
+    method, space = result.spec.method, result.spec.env.action_space
     obs, mask, reward, cost = (
         np.asarray(leaf) for leaf in (trajectories.obs, trajectories.mask, trajectories.reward, trajectories.cost)
     )

@@ -219,9 +219,9 @@ def _curve(axis: Axes, values: Float[np.ndarray, "I S"], curve: Curve) -> tuple[
 
 def _relevant(panel: Panel, result: Result) -> Panel:
     """The panel with the curves that are measured and that are not another's double."""
-    method = result.plan.method
+    method = result.spec.method
     absent = {"all": False, "feasibility": method.feasibility == "none", "judge": method.judge == "none"}[panel.of]
-    untrue = panel.title == "true return" and not result.plan.env.has_reward
+    untrue = panel.title == "true return" and not result.spec.env.has_reward
     doubles = SAMPLER_METRICS if method.sampled_from == "policy" else set()
     kept = [c for c in panel.curves if c.metric not in doubles and _defined(result.history.get(c.metric))]
     return panel._replace(curves=() if absent or untrue else tuple(kept))
@@ -234,7 +234,7 @@ def _defined(values: Float[np.ndarray, "I S"] | None) -> bool:
 def _ends(result: Result) -> str:
     """Where the run ended, in words."""
     metrics, said = result.summary["metrics"], []
-    doubles = SAMPLER_METRICS if result.plan.method.sampled_from == "policy" else set()
+    doubles = SAMPLER_METRICS if result.spec.method.sampled_from == "policy" else set()
     for end in ENDS:
         if metrics.get(end.metric, {}).get("mean") is None or end.metric in doubles:
             continue

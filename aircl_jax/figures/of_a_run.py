@@ -21,12 +21,12 @@ BINS = 25
 
 def draw(result: Result) -> Iterator[Drawing]:
     """Every figure that says something of this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
-    env, found = result.plan.env, episodes.gather(result)
+    env, found = result.spec.env, episodes.gather(result)
     yield curves.learning_curves(result)
     if env.layout is not None and env.tabular is not None:
         yield from cells.draw(result, env.layout, env.tabular, found)
         yield from paths.draw(result, env.layout, found)
-    elif env.tabular is not None and (env.codes or env.maze) and result.plan.method.learner != "cloning":
+    elif env.tabular is not None and (env.codes or env.maze) and result.spec.method.learner != "cloning":
         recovered = recover(result, env.tabular)
         if env.codes:
             yield from codes.draw(recovered, env.codes, over_seeds(result))
@@ -36,7 +36,7 @@ def draw(result: Result) -> Iterator[Drawing]:
         yield from step_histograms.draw(result, found)
         if is_additive(result):
             yield coordinate_curves.by_coordinate(result, contributions(result, found.policy))
-    if result.plan.method.feasibility != "none" and _has_both_labels(result):
+    if result.spec.method.feasibility != "none" and _has_both_labels(result):
         yield reference_histogram(result, found)
     yield curves.losses(result)
 

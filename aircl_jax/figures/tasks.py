@@ -19,13 +19,13 @@ FRAMES = 6  # of each strip
 
 def tasks(results: Mapping[str, Result]) -> Drawing:
     """A row an environment: grids with layout, robots with a body. Use within `matplotlib.rc_context(STYLE)`."""
-    kinds = ["robot" if result.plan.env.layout is None else "grid" for result in results.values()]
+    kinds = ["robot" if result.spec.env.layout is None else "grid" for result in results.values()]
     heights = [HEIGHTS[kind] for kind in kinds]
     figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")
     parts, said = figure.subfigures(len(results), 1, height_ratios=heights, squeeze=False)[:, 0], []
     for letter, part, (name, result) in zip(LETTERS, parts, results.items(), strict=False):
         part.suptitle(f"({letter}) {name}", x=0.01, ha="left", fontsize=8, fontweight="bold")
-        layout = result.plan.env.layout
+        layout = result.spec.env.layout
         words = _robot(part, result) if layout is None else _grid(part, result, layout)
         said.append(f"({letter}) {name}: {words}")
     first = next(iter(results.values())).summary

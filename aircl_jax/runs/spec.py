@@ -21,7 +21,7 @@ from envs import ENVS, Env, make_env
 
 
 @dataclass(frozen=True)
-class Plan:
+class RunSpec:
     """A checked run.
 
     `own` holds the user's demonstrations, `reference` what lies beside their file to score by; None where the
@@ -63,7 +63,7 @@ class Plan:
         return len(self.seeds) * self.config.num_trajectories * pool * self.env.horizon
 
 
-def make_plan(
+def make_spec(
     env: str | Env,
     method: str,
     *,
@@ -74,7 +74,7 @@ def make_plan(
     demonstrations: str | Path,
     env_settings: Mapping[str, Any],
     config: TrainConfig | Mapping[str, Any],
-) -> Plan:
+) -> RunSpec:
     """Resolve names, defaults and files. Raises ValueError, in one line, for whatever does not fit."""
     if isinstance(env, Env) and env_settings:
         raise ValueError(
@@ -99,7 +99,7 @@ def make_plan(
     if row.needs_true_reward and "contrast" in row.terms and unknown:
         whose = f"env={world.name}" if own is None else f"demonstrations={demonstrations}"
         raise ValueError(f"{whose}: reward is missing, which the contrast prior of {method} compares")
-    return Plan(
+    return RunSpec(
         env=world,
         named=not isinstance(env, Env),
         env_settings=options,
@@ -115,8 +115,8 @@ def make_plan(
     )
 
 
-def planned(settings: Mapping[str, Any]) -> Plan:
-    """Read the plan from its `settings`, under their names of today or of before.
+def read_spec(settings: Mapping[str, Any]) -> RunSpec:
+    """Read the spec from its `settings`, under their names of today or of before.
 
     Raises ValueError where a world or a file of then is not known now.
     """
@@ -126,7 +126,7 @@ def planned(settings: Mapping[str, Any]) -> Plan:
         raise ValueError(
             f"env={env['name']} was given as an Env, which a run does not keep; choose a run on a named environment"
         )
-    plan = make_plan(
+    spec = make_spec(
         env.pop("name"),
         settings["method"],
         demonstrations=demonstrations if demonstrations == "default" else demonstrations["source"],
@@ -134,9 +134,9 @@ def planned(settings: Mapping[str, Any]) -> Plan:
         config=settings["train"],
         **{name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")},
     )
-    if plan.settings["demonstrations"] != demonstrations:
-        raise ValueError(f"demonstrations={plan.source} is not what the run had: the content has changed")
-    return plan
+    if spec.settings["demonstrations"] != demonstrations:
+        raise ValueError(f"demonstrations={spec.source} is not what the run had: the content has changed")
+    return spec
 
 
 def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, Any]]:

@@ -147,7 +147,7 @@ def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]
     )
     windows = generate(result, len(study.codes))
     found = {name: _compared(study, codes) for name, codes in windows.items()}
-    table = cast(Tabular, result.plan.env.tabular)
+    table = cast(Tabular, result.spec.env.tabular)
     return {
         **result.summary,
         "command": _command(settings, study, method),

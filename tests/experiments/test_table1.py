@@ -48,7 +48,7 @@ def made(job: Job, env: str = "gridworld", method: str = "aircl", seeds: int = S
         "command": cells.command(job, env, method),
         "commit": "abc1234",
         "commits": ["abc1234"],
-        "settings": cells.settings_of(cells.planned(job, env, method)),
+        "settings": cells.settings_of(cells.spec_of(job, env, method)),
         "alarms": [],
         "curves": {"iteration": [0, 250], "violation_rate_policy": [[0.5] * seeds, [0.1] * seeds]},
     }

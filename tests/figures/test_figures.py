@@ -26,7 +26,7 @@ from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.run_report import report
 from aircl_jax.reports.summary import MEANINGS, summarise
 from aircl_jax.runs.result import Result
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from envs.base import Box, Layout
 from tests.worlds import TINY, UNOPTIMISED, one_state_env, random_trajectories
 
@@ -38,7 +38,7 @@ MEASURED = [*MEANINGS, "loss_discriminator", "value_loss", "approx_kl"]
 @cache
 def untrained(method: str) -> Result:
     """Two seeds at their start, with a made-up history of four iterations."""
-    plan = make_plan(
+    spec = make_spec(
         "gridworld",
         method,
         contrast_prior="method",
@@ -49,18 +49,18 @@ def untrained(method: str) -> Result:
         env_settings=GRID,
         config=replace(TINY, num_evaluation=12),
     )
-    expert, reference = sources.demonstrations(plan.env, plan.seeds, plan.config)
+    expert, reference = sources.demonstrations(spec.env, spec.seeds, spec.config)
     reference = jax.tree.map(lambda leaf: leaf[::20], reference)
-    init = jax.jit(jax.vmap(make_trainer(plan.env, plan.method, plan.config).init), compiler_options=UNOPTIMISED)
+    init = jax.jit(jax.vmap(make_trainer(spec.env, spec.method, spec.config).init), compiler_options=UNOPTIMISED)
     history = {name: np.random.default_rng(0).uniform(size=(4, 2)) for name in MEASURED}
     history[UNDEFINED][:] = np.nan
-    summary = summarise(plan, {name: history[name][-1] for name in MEANINGS}, [])
+    summary = summarise(spec, {name: history[name][-1] for name in MEANINGS}, [])
     return Result(
         summary=summary,
         alarms=[],
         history=history,
-        plan=plan,
-        networks=make_networks(plan.env, plan.method, plan.config),
+        spec=spec,
+        networks=make_networks(spec.env, spec.method, spec.config),
         states=init(jax.random.split(jax.random.key(0)), expert),
         expert=expert,
         reference=reference,
@@ -90,10 +90,10 @@ def test_a_notebook_shows_a_figure_as_a_picture():
 
 def test_a_run_without_a_feasibility_draws_none(monkeypatch):
     full, airl = untrained("aircl_corrected"), get_method("airl")
-    plan = replace(full.plan, method=airl)
+    spec = replace(full.spec, method=airl)
     found = episodes.gather(full)
     monkeypatch.setattr(episodes, "gather", lambda result: found)
-    assert drawings(replace(full, plan=plan)).keys() == {"learning_curves", "reward", "occupancy", "paths", "losses"}
+    assert drawings(replace(full, spec=spec)).keys() == {"learning_curves", "reward", "occupancy", "paths", "losses"}
 
 
 def test_a_known_reward_and_a_clone_have_no_learned_reward_to_draw():
@@ -122,7 +122,7 @@ def test_what_no_seed_measures_is_named_apart_and_not_tabled():
 
 def test_the_exact_occupancies_are_shares_of_the_timesteps():
     result = untrained("aircl_corrected")
-    table = result.plan.env.tabular
+    table = result.spec.env.tabular
     assert table is not None
     maps = episodes.gather_grid(result, table)
     np.testing.assert_allclose(maps.expert_occupancy.sum(), 1.0, rtol=1e-5)
@@ -132,7 +132,7 @@ def test_the_exact_occupancies_are_shares_of_the_timesteps():
 
 def test_the_maps_hold_the_learned_reward():
     result = untrained("aircl_corrected")
-    table = result.plan.env.tabular
+    table = result.spec.env.tabular
     assert table is not None
     maps = episodes.gather_grid(result, table)
     assert maps.reward[1, 3, 2] == pytest.approx(float(result.reward(table.obs[3], jnp.asarray(2), index=1)), abs=1e-6)
@@ -190,10 +190,10 @@ def test_a_robots_actions_are_drawn_as_clipped_with_the_limit():
     random = np.random.default_rng(0)
     full = untrained("aircl_corrected")
     robot = replace(one_state_env(lambda t, action: 0.0 * t, horizon=4, action_space=Box(2)), name="swimmer")
-    plan = replace(full.plan, env=robot, env_settings={"constraint": "torque", "limit": "default"})
+    spec = replace(full.spec, env=robot, env_settings={"constraint": "torque", "limit": "default"})
     found = random_trajectories(robot, 0, 6)._replace(action=jnp.asarray(random.normal(size=(6, 4, 2)) * 3))
     actions, observations = step_histograms.draw(
-        replace(full, plan=plan, expert=found), episodes.Evidence(found, found, np.ones((2, 3)), np.ones((2, 3)))
+        replace(full, spec=spec, expert=found), episodes.Evidence(found, found, np.ones((2, 3)), np.ones((2, 3)))
     )
     assert len(actions.figure.axes) == 2
     assert len(observations.figure.axes) == robot.obs_size

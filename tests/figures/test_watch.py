@@ -22,7 +22,7 @@ from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import open_run
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import seed_keys
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from envs.robots.constraints import CONSTRAINTS, Constraint
 from experiments import figure3
 from experiments.watch import main
@@ -69,7 +69,7 @@ console.log(JSON.stringify({ ...shown, texts, ends: point(one, 0, 1, 1) }));
 def run_dir(tmp_path_factory) -> Path:
     """What a run on the pendulum leaves, of two seeds that have learned nothing: it falls, and violates."""
     path = tmp_path_factory.mktemp("runs") / "pendulum"
-    plan = make_plan(
+    spec = make_spec(
         "pendulum",
         "aircl_corrected",
         contrast_prior="method",
@@ -80,14 +80,14 @@ def run_dir(tmp_path_factory) -> Path:
         env_settings={},
         config=SMALL,
     )
-    expert, _ = sources.demonstrations(plan.env, plan.seeds, plan.config)
-    init = jax.jit(jax.vmap(make_trainer(plan.env, plan.method, plan.config).init), compiler_options=UNOPTIMISED)
-    directory = open_run(path, plan.settings, chunk=1)
+    expert, _ = sources.demonstrations(spec.env, spec.seeds, spec.config)
+    init = jax.jit(jax.vmap(make_trainer(spec.env, spec.method, spec.config).init), compiler_options=UNOPTIMISED)
+    directory = open_run(path, spec.settings, chunk=1)
     with directory.held():
         directory.append_metrics([{"return": np.array([1.0, 2.0])}])
-        directory.save(init(seed_keys(plan.seeds), expert), iteration=1)
+        directory.save(init(seed_keys(spec.seeds), expert), iteration=1)
         directory.append_timing({"iteration": 1, "env_steps": 400, "first": True, "seconds": 1.0, "compile_s": 0.5})
-        directory.write_summary(summarise(plan, {"return": np.array([1.0, 2.0])}, directory.timing()))
+        directory.write_summary(summarise(spec, {"return": np.array([1.0, 2.0])}, directory.timing()))
     return path
 
 
@@ -103,7 +103,7 @@ def scene(result) -> robot_scene.Scene:
 
 def test_a_loaded_run_is_what_training_left(run_dir, result):
     assert result.summary == json.loads((run_dir / "summary.json").read_text())
-    assert result.plan.settings == yaml.safe_load((run_dir / "config.yaml").read_text())
+    assert result.spec.settings == yaml.safe_load((run_dir / "config.yaml").read_text())
     assert result.states.params.policy["params"]["log_std"].shape == (2, 1)
     assert result.history["return"].tolist() == [[1.0, 2.0]]
 

@@ -20,7 +20,7 @@ NUM_PATHS = 60
 
 
 def draw(result: Result, layout: Layout, found: Evidence) -> Iterator[Drawing]:
-    if len(layout.zones) == 2 and result.plan.method.feasibility != "none":
+    if len(layout.zones) == 2 and result.spec.method.feasibility != "none":
         yield order_of_zones(result, layout, found)
     yield paths(result, layout, found)
 
@@ -29,7 +29,7 @@ def paths(result: Result, layout: Layout, found: Evidence) -> Drawing:
     """Trajectories of D_E, π and q of the first seed; those that violate are drawn last and in another colour."""
     first = [first_seed(result.expert), first_seed(found.policy)]
     titles = ["demonstrations $D_E$", r"policy $\pi$"]
-    if result.plan.method.sampled_from != "policy":
+    if result.spec.method.sampled_from != "policy":
         first.append(first_seed(found.sampled))
         titles.append("samples of $q$")
     figure = Figure(figsize=(2.3 * len(first) + 0.2, 2.6), layout="compressed")

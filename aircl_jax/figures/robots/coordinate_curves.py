@@ -14,7 +14,7 @@ LEAST = -6.0  # lower end of every axis: e^-6 is never
 
 def by_coordinate(result: Result, found: Contributions) -> Drawing:
     """The curves of every seed with their mean, where D_E is, and the true limit. Use within `matplotlib.rc_context(STYLE)`."""
-    limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
+    limit = constraint_limit(result.spec.env.name, result.spec.env_settings)
     columns = min(COLUMNS, len(found.names))
     rows = -(-len(found.names) // columns)
     figure = Figure(figsize=(7.2, 0.5 + 1.3 * rows), layout="constrained")
@@ -29,7 +29,7 @@ def by_coordinate(result: Result, found: Contributions) -> Drawing:
         axis.fill_between(edges[:-1], LEAST, heights, step="post", color=GREY, alpha=0.3, lw=0)
         axis.plot(across, np.maximum(curves, LEAST).T, color=GREEN, lw=0.5, alpha=0.5)
         axis.plot(across, np.maximum(curves.mean(axis=0), LEAST), color=BLUE, lw=1.3)
-        for value in _limits(limit, index, name in result.plan.env.motor_names):
+        for value in _limits(limit, index, name in result.spec.env.motor_names):
             axis.axvline(value, color=ORANGE, ls=(0, (4, 2)), lw=1.0)
         axis.set(xlabel=name, ylim=(LEAST, top), xlim=(across[0], across[-1]))
     figure.supylabel("log ratio, expert : policy", fontsize=7)

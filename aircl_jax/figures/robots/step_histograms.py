@@ -29,15 +29,15 @@ class Limit(NamedTuple):
 
 
 def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
-    limit = constraint_limit(result.plan.env.name, result.plan.env_settings)
-    space = result.plan.env.action_space
+    limit = constraint_limit(result.spec.env.name, result.spec.env_settings)
+    space = result.spec.env.action_space
     expert, policy = _steps(result.expert), _steps(found.policy)
     if isinstance(space, Box):
         clipped = [np.clip(actions, space.low, space.high) for actions in (expert.action, policy.action)]
         drawn = limit.values if limit and limit.across == "actions" else ()
-        names = result.plan.env.motor_names
+        names = result.spec.env.motor_names
         yield _drawing(result, "actions", clipped, names, dict.fromkeys(names, drawn), (space.low, space.high))
-    names = result.plan.env.coordinate_names
+    names = result.spec.env.coordinate_names
     drawn = limit.values if limit and limit.across == "observations" else ()
     yield _drawing(result, "observations", [expert.obs, policy.obs], names, {names[0]: drawn}, None)
 
