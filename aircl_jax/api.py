@@ -1,7 +1,7 @@
 """The front door: `train` runs a method on an environment over seeds, with or without a run directory."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -17,11 +17,11 @@ from aircl_jax.reports import run_report
 from aircl_jax.reports.alarms import alarms, untuned
 from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
-from aircl_jax.runs.loop import Progress, Row, Stopwatch, run_session
-from aircl_jax.runs.metrics_log import read_metrics, stack
+from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session
+from aircl_jax.runs.recorder import Memory, Recorder, Row
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
-from aircl_jax.runs.spec import Plan, make_plan, planned
+from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
@@ -43,18 +43,19 @@ def train(
     resume: bool = False,
     overwrite: bool = False,
     command: str = "",
-    on_progress: Callable[[Progress], None] = lambda _: None,
+    recorders: Sequence[Recorder] = (),
 ) -> Result:
     """Learn a reward, a constraint and a policy from demonstrations.
 
     By default `iterations`, `demonstrations` and `config` are the environment's own; `config` may be a nested mapping
     of the fields to change. With `run_dir` everything is also kept there, and `resume` continues it.
+    Each of `recorders` is told of every chunk, after it has been kept; what one of them raises ends the run.
 
     Raises:
         ValueError: in one line, before anything is written, for whatever does not fit.
         KeyboardInterrupt: after an interrupt, once the chunk under way is saved.
     """
-    plan = make_plan(
+    spec = make_spec(
         env,
         method,
         contrast_prior=contrast_prior,
@@ -67,8 +68,8 @@ def train(
     )
     directory = None
     if run_dir is not None:
-        directory = open_run(Path(run_dir), plan.settings, plan.config.chunk, existing(resume, overwrite))
-    return _train(plan, directory, command, on_progress)
+        directory = open_run(Path(run_dir), spec.settings, spec.config.checkpoint_every, existing(resume, overwrite))
+    return _train(spec, directory, command, recorders)
 
 
 def load(run_dir: str | Path) -> Result:
@@ -80,44 +81,45 @@ def load(run_dir: str | Path) -> Result:
         ValueError: in one line, where there is no run, or none that this version can read.
     """
     directory = open_saved(Path(run_dir))
-    plan = planned({**directory.settings, "iterations": directory.start})
-    trainer = make_trainer(plan.env, plan.method, plan.config)
+    spec = read_spec({**directory.settings, "iterations": directory.start})
+    trainer = make_trainer(spec.env, spec.method, spec.config)
     networks = trainer.networks
-    expert, reference = _demonstrations(plan)
+    expert, reference = _demonstrations(spec)
     init = jax.vmap(trainer.init)
-    states = directory.load(jax.eval_shape(init, seed_keys(plan.seeds), expert))
+    states = directory.load(jax.eval_shape(init, seed_keys(spec.seeds), expert))
     if directory.finished:
         summary = directory.summary()
     else:
-        summary = summarise(plan, _evaluator(networks, expert, reference)(states), directory.timing())
-    return _result(plan, networks, states, expert, reference, summary, directory, [])
+        summary = summarise(spec, _evaluator(networks, expert, reference)(states), directory.timing())
+    return _result(spec, networks, states, expert, reference, summary, directory)
 
 
-def _train(plan: Plan, directory: RunDirectory | None, command: str, on_progress: Callable[[Progress], None]) -> Result:
+def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorders: Sequence[Recorder]) -> Result:
     stopwatch = Stopwatch()
-    trainer = make_trainer(plan.env, plan.method, plan.config)
-    runner, networks = make_runner(trainer, plan.seeds), trainer.networks
-    expert, reference = _demonstrations(plan)
+    trainer = make_trainer(spec.env, spec.method, spec.config)
+    runner, networks = make_runner(trainer, spec.seeds), trainer.networks
+    expert, reference = _demonstrations(spec)
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
     if directory and directory.finished and saved:
-        return _result(plan, networks, saved, expert, reference, directory.summary(), directory, [])
+        return _result(spec, networks, saved, expert, reference, directory.summary(), directory)
     with directory.held() if directory else nullcontext():
-        with _defects_apart():
-            states, session = run_session(
-                runner,
-                saved or runner.init(expert),
-                expert,
-                start=directory.start if directory else 0,
-                iterations=plan.config.iterations,
-                chunk=plan.config.chunk,
-                evaluate=_evaluator(networks, expert, reference),
-                env_steps=plan.env_steps,
-                directory=directory,
-                stopwatch=stopwatch,
-                on_progress=on_progress,
-            )
-        summary = summarise(plan, session.evaluation, directory.timing() if directory else session.timing)
-        result = _result(plan, networks, states, expert, reference, summary, directory, session.rows)
+        with defects_apart():
+            states = saved or runner.init(expert)
+        record = directory or Memory()
+        states, evaluation = run_session(
+            runner,
+            states,
+            expert,
+            start=directory.start if directory else 0,
+            iterations=spec.config.iterations,
+            chunk=spec.config.checkpoint_every,
+            evaluate=_evaluator(networks, expert, reference),
+            env_steps=spec.env_steps,
+            stopwatch=stopwatch,
+            recorders=(record, *recorders),
+        )
+        summary = summarise(spec, evaluation, record.timing())
+        result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
             from aircl_jax.figures import of_a_run
             from aircl_jax.reports.recovered_words import reading
@@ -125,20 +127,20 @@ def _train(plan: Plan, directory: RunDirectory | None, command: str, on_progress
             figures = of_a_run.write_figures(result, directory.path / FIGURES)
             words = reading(result)
             if command:
-                command = command_prefix(plan.env_settings.get("data"), plan.env.simulated) + command
+                command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
             directory.write_report(run_report.report(summary, result.alarms, figures, command, words))
             directory.write_summary(summary)
     return result
 
 
-def _demonstrations(plan: Plan) -> tuple[Trajectory, Trajectory]:
+def _demonstrations(spec: RunSpec) -> tuple[Trajectory, Trajectory]:
     """D_E of every seed, [S, N, T, …], and the reference set: the world's, that beside one's own file, or else D_E itself."""
-    if plan.own is None:
-        return sources.demonstrations(plan.env, plan.seeds, plan.config)
-    shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(plan.seeds), *leaf.shape)), plan.own)
-    if plan.env.expert is not None:
-        return shared, sources.demonstrations(plan.env, plan.seeds, plan.config)[1]
-    return shared, plan.own if plan.reference is None else plan.reference
+    if spec.own is None:
+        return sources.demonstrations(spec.env, spec.seeds, spec.config)
+    shared = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (len(spec.seeds), *leaf.shape)), spec.own)
+    if spec.env.expert is not None:
+        return shared, sources.demonstrations(spec.env, spec.seeds, spec.config)[1]
+    return shared, spec.own if spec.reference is None else spec.reference
 
 
 def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) -> Callable[[TrainState], Row]:
@@ -148,33 +150,23 @@ def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) ->
 
 
 def _result(
-    plan: Plan,
+    spec: RunSpec,
     networks: Networks,
     states: TrainState,
     expert: Trajectory,
     reference: Trajectory,
     summary: Mapping[str, Any],
-    directory: RunDirectory | None,
-    rows: Sequence[Row],
+    record: RunDirectory | Memory,
 ) -> Result:
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=untuned(plan.env.name) + alarms(summary["seeds"], per_seed),
-        history=read_metrics(directory.path) if directory else stack(rows),
-        plan=plan,
+        alarms=untuned(spec.env.name) + alarms(summary["seeds"], per_seed),
+        history=record.history(),
+        spec=spec,
         networks=networks,
         states=states,
         expert=expert,
         reference=reference,
-        run_dir=directory.path if directory else None,
+        run_dir=record.path if isinstance(record, RunDirectory) else None,
     )
-
-
-@contextmanager
-def _defects_apart() -> Iterator[None]:
-    """A ValueError means bad input to whoever calls `train`; from within the computation it would be a defect."""
-    try:
-        yield
-    except ValueError as error:
-        raise RuntimeError("training failed") from error

@@ -15,7 +15,7 @@ class Method:
     # How a logit z becomes δ: σ(z), per-step factors multiplied over t; or the sharpened test of z as a log density
     # ratio, of which a trajectory takes the minimum over t.
     test: Literal["sigmoid", "ratio"] = "sigmoid"
-    sampled_from: Literal["policy", "resampled", "pool"] = "policy"  # D_S: D_P itself; drawn by δ̄ from its N; from pool × N
+    sampled_from: Literal["policy", "resampled", "pool"] = "policy"  # D_S: D_P itself; drawn by δ̄ from its N; pool_factor × N
     centred: bool = False  # the logits of D are taken less their mean over both sets, and π is paid f less its mean over D_E
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"

@@ -32,7 +32,7 @@ def run(composed: Composed) -> None:
             env_settings=env_settings,
             config=train_settings,
             command=shlex.join(["python", "-m", "experiments.run", *composed.words]),
-            on_progress=reporter,
+            recorders=[reporter],
             **vars(settings),
         )
     finally:

@@ -19,7 +19,7 @@ import numpy as np
 from aircl_jax import train
 from aircl_jax.figures import sweep as sweep_figure
 from aircl_jax.figures.style import DPI, STYLE
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from aircl_jax.runs.sweep import sweep
 from experiments.cli.words import SEEDS, listed, parse, refuse_short_runs
 from experiments.shared.commits import current_commit
@@ -99,7 +99,7 @@ def run(one: Sweep, settings: Settings) -> dict[str, Any]:
     """{…, "metrics": {NAME: [V, S]}} of one sweep."""
     iterations = settings.iterations or "default"
     if one.of == "coefficient":
-        plan = make_plan(
+        spec = make_spec(
             "gridworld",
             one.method,
             seeds=settings.seeds,
@@ -110,7 +110,7 @@ def run(one: Sweep, settings: Settings) -> dict[str, Any]:
             env_settings={},
             config={},
         )
-        found = sweep(plan, one.name, one.values)
+        found = sweep(spec, one.name, one.values)
         metrics = {name: values.tolist() for name, values in found.items()}
     else:
         changes = [{one.name: value} for value in one.values]

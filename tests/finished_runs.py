@@ -13,7 +13,7 @@ from aircl_jax.demonstrations.sources import demonstrations
 from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.summary import MEANINGS, summarise
 from aircl_jax.runs.result import Result
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from experiments.table1 import cells
 from experiments.table1.cells import COLUMNS, ROWS, Cell, Job, Study
 from tests.worlds import TINY, UNOPTIMISED
@@ -61,7 +61,7 @@ def around(centre: float, width: float = 0.01) -> np.ndarray:
 def untrained(method: str) -> Result:
     """Two seeds at their start, with a made-up history of four iterations."""
     measured = [*MEANINGS, "loss_discriminator", "value_loss", "approx_kl"]
-    plan = make_plan(
+    spec = make_spec(
         "gridworld",
         method,
         contrast_prior="method",
@@ -72,19 +72,19 @@ def untrained(method: str) -> Result:
         env_settings={"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 5},
         config=replace(TINY, num_evaluation=12),
     )
-    expert, reference = demonstrations(plan.env, plan.seeds, plan.config)
+    expert, reference = demonstrations(spec.env, spec.seeds, spec.config)
     reference = jax.tree.map(lambda leaf: leaf[::20], reference)
-    init = jax.jit(jax.vmap(make_trainer(plan.env, plan.method, plan.config).init), compiler_options=UNOPTIMISED)
+    init = jax.jit(jax.vmap(make_trainer(spec.env, spec.method, spec.config).init), compiler_options=UNOPTIMISED)
     random = np.random.default_rng(0)  # one for all: a curve in another's place would show
     history = {name: random.uniform(size=(4, 2)) for name in measured}
     history["log_std_at_bound"][:] = np.nan
-    summary = summarise(plan, {name: history[name][-1] for name in MEANINGS}, [])
+    summary = summarise(spec, {name: history[name][-1] for name in MEANINGS}, [])
     return Result(
         summary=summary,
         alarms=[],
         history=history,
-        plan=plan,
-        networks=make_networks(plan.env, plan.method, plan.config),
+        spec=spec,
+        networks=make_networks(spec.env, spec.method, spec.config),
         states=init(jax.random.split(jax.random.key(0)), expert),
         expert=expert,
         reference=reference,

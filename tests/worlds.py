@@ -24,9 +24,9 @@ from envs import Discrete, Env, Step, Tabular, make_env
 TINY = TrainConfig(
     num_trajectories=6,
     num_demonstrations=5,
-    pool=2,
+    pool_factor=2,
     hidden=(4, 3),
-    chunk=1,
+    checkpoint_every=1,
     ppo=PPOConfig(num_epochs=1, minibatch_size=24, discount=1.0),
     adversary=AdversaryConfig(num_steps=2),
 )

@@ -21,8 +21,6 @@ from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
 from envs import Env
 
-WARM_RATE = 3e-3  # Adam's, of the warm start
-
 
 class Trainer(NamedTuple):
     """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure and for one seed: `vmap` for many."""
@@ -37,7 +35,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     nets = make_networks(env, method, config)
-    num_policy = config.num_trajectories * (config.pool if method.has_pool else 1)
+    num_policy = config.num_trajectories * (config.pool_factor if method.has_pool else 1)
     # In the rows that draw D_S from a pool the terms see N trajectories of D_P ∪ replay, half of each.
     num_negatives = max(1, config.num_trajectories // 2) if method.has_pool else config.num_trajectories
 
@@ -46,13 +44,13 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         untrained, stats = nets.init(key_nets), observation_stats(expert)
         ppo_opt = ppo.make_optimiser(config.ppo).init((untrained.policy, untrained.value))
         params = untrained
-        if config.warm_start:
+        if config.clone_epochs:
             key, key_clone = jax.random.split(key)
             passes = replace(
                 config.ppo,
-                num_epochs=config.warm_start,
-                minibatch_size=config.warm_minibatch_size,
-                learning_rate=WARM_RATE,
+                num_epochs=config.clone_epochs,
+                minibatch_size=config.clone_minibatch_size,
+                learning_rate=config.clone_learning_rate,
             )
             params, _, _ = cloning.update(nets.bind(untrained, stats), ppo_opt, expert, key_clone, passes)
         return TrainState(
@@ -101,12 +99,12 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
 
 def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
-    """The networks with this iteration's learning rates: (1 − step / annealing) of the settings'; 0 for π and V at first."""
+    """The networks with this iteration's rates: (1 − step / lr_decay_iterations) of the settings'; 0 for π and V at first."""
     config = nets.config
-    if not config.annealing and not config.waiting:
+    if not config.lr_decay_iterations and not config.policy_delay:
         return nets
-    left = jnp.maximum(1.0 - step / config.annealing, 0.0) if config.annealing else 1.0
-    moves = step >= config.waiting
+    left = jnp.maximum(1.0 - step / config.lr_decay_iterations, 0.0) if config.lr_decay_iterations else 1.0
+    moves = step >= config.policy_delay
     acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
     judging = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
     return replace(nets, config=replace(config, ppo=acting, adversary=judging))

@@ -28,12 +28,12 @@ class Contributions(NamedTuple):
 
 def is_additive(result: Result) -> bool:
     """Say whether δ₁ is a sum over coordinates, so that each coordinate has a curve of its own."""
-    return isinstance(result.networks.step_net, AdditiveNet) and result.plan.method.tests_steps
+    return isinstance(result.networks.step_net, AdditiveNet) and result.spec.method.tests_steps
 
 
 def contributions(result: Result, policy: Trajectory) -> Contributions:
     """Compute g_i(x_i) − mean_E g_i for each input of δ₁, over the span of D_E and of π's episodes [S, N, T, …]."""
-    nets, env = result.networks, result.plan.env
+    nets, env = result.networks, result.spec.env
     space = env.action_space
     kept = np.asarray(result.expert.mask[0]) > 0
     obs, action = np.asarray(result.expert.obs[0])[kept], np.asarray(result.expert.action[0])[kept]

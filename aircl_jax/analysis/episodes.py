@@ -41,8 +41,8 @@ class GridEvidence(NamedTuple):
 
 def gather(result: Result) -> Evidence:
     """Roll out π, score its episodes and draw q, all seeds at once."""
-    one_seed = partial(_evidence, result.networks, min(MAX_EPISODES, result.plan.config.num_evaluation))
-    options = ONCE if result.plan.env.tabular is not None else None
+    one_seed = partial(_evidence, result.networks, min(MAX_EPISODES, result.spec.config.num_evaluation))
+    options = ONCE if result.spec.env.tabular is not None else None
     run = jax.jit(jax.vmap(one_seed, (0, None)), compiler_options=options)
     return Evidence(*jax.device_get(run(result.states, result.reference)))
 
@@ -50,8 +50,8 @@ def gather(result: Result) -> Evidence:
 def gather_grid(result: Result, table: Tabular) -> GridEvidence:
     """Make the maps of a one-hot world; demonstrations from a file or from recordings stand for the exact expert."""
     maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)), compiler_options=ONCE)(result.states)
-    if result.plan.own is None and result.plan.env.recorded is None:
-        seen = jax.jit(partial(_expert_occupancy, result.plan.env, table), compiler_options=ONCE)()
+    if result.spec.own is None and result.spec.env.recorded is None:
+        seen = jax.jit(partial(_expert_occupancy, result.spec.env, table), compiler_options=ONCE)()
     else:
         seen = result.expert.obs[0].mean(axis=(0, 1))
     return GridEvidence(*jax.device_get((*maps, seen)))

@@ -32,7 +32,7 @@ class Recovered(NamedTuple):
 
 def recover(result: Result, table: Tabular) -> Recovered:
     """Evaluate the learned functions on all pairs of a world whose observations are one-hot."""
-    found, expert, method = gather_grid(result, table), result.expert, result.plan.method
+    found, expert, method = gather_grid(result, table), result.expert, result.spec.method
     log_policy = jax.jit(jax.vmap(partial(_log_policy, result.networks)), compiler_options=ONCE)(result.states)
     first = np.asarray(expert.obs[0]).argmax(axis=-1), np.asarray(expert.action[0])
     seen = np.zeros(found.reward.shape[1:], dtype=np.int64)

@@ -59,7 +59,7 @@ def gather(result: Result, index: int = 0, episodes: int = 3) -> Scene:
 
     With fewer demonstrations than `episodes`, both have fewer. Raises ValueError where the world is not a robot.
     """
-    env, settings = result.plan.env, result.plan.env_settings
+    env, settings = result.spec.env, result.spec.env_settings
     body, state = make_body(env.name, settings), result.state(index)
     quantity = _quantity(env.limit, body)
     demonstrations = jax.tree.map(lambda leaf: leaf[index, :episodes], result.expert)
@@ -89,14 +89,14 @@ def _roll_out(nets: Networks, number: int, state: TrainState) -> Trajectory:
 def _side(
     name: str, result: Result, body: Body, quantity: Quantity | None, trajectories: Trajectory, judged: tuple[Array, Array]
 ) -> Side:
-    method, space = result.plan.method, result.plan.env.action_space
+    method, space = result.spec.method, result.spec.env.action_space
     obs, mask, reward, cost = (
         np.asarray(leaf) for leaf in (trajectories.obs, trajectories.mask, trajectories.reward, trajectories.cost)
     )
     action = np.asarray(jax.vmap(jax.vmap(space.features))(trajectories.action))  # as clipped
     qpos, length = positions(body, obs), mask.sum(axis=1).astype(int)
     violating = np.nan_to_num(cost * mask) > 0
-    if result.plan.env.constraint_input == "state":  # a step's cost is of the state after it, which the next pose shows
+    if result.spec.env.constraint_input == "state":  # a step's cost is of the state after it, which the next pose shows
         violating = np.pad(violating, [(0, 0), (1, 0)])[:, :-1] & (mask > 0)
     return Side(
         name=name,

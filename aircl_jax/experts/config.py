@@ -37,7 +37,7 @@ _WALKER = replace(
     restart=True,
     multiplier_init=0.02,
     multiplier_max=100.0,
-    chunk=40,
+    checkpoint_every=40,
     ppo=replace(_DEFAULT.ppo, learning_rate=7e-4, minibatch_size=500, discount=0.998),
 )
 _WALKER_TORQUE = replace(_WALKER, motor_limit=0.5)

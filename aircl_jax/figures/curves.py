@@ -219,9 +219,9 @@ def _curve(axis: Axes, values: Float[np.ndarray, "I S"], curve: Curve) -> tuple[
 
 def _relevant(panel: Panel, result: Result) -> Panel:
     """Keep the panel's curves that are measured and that do not repeat another."""
-    method = result.plan.method
+    method = result.spec.method
     absent = {"all": False, "feasibility": not method.learns_feasibility, "discriminator": not method.discriminates}[panel.of]
-    untrue = panel.title == "true return" and not result.plan.env.has_reward
+    untrue = panel.title == "true return" and not result.spec.env.has_reward
     doubles = set() if method.draws else SAMPLER_METRICS
     kept = [c for c in panel.curves if c.metric not in doubles and _defined(result.history.get(c.metric))]
     return panel._replace(curves=() if absent or untrue else tuple(kept))
@@ -234,7 +234,7 @@ def _defined(values: Float[np.ndarray, "I S"] | None) -> bool:
 def _ends(result: Result) -> str:
     """Say where the run ended, in words."""
     metrics, said = result.summary["metrics"], []
-    doubles = set() if result.plan.method.draws else SAMPLER_METRICS
+    doubles = set() if result.spec.method.draws else SAMPLER_METRICS
     for end in ENDS:
         if metrics.get(end.metric, {}).get("mean") is None or end.metric in doubles:
             continue

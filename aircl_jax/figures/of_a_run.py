@@ -22,7 +22,7 @@ BINS = 25
 
 def draw(result: Result) -> Iterator[Drawing]:
     """Draw every figure that applies to this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
-    env, found = result.plan.env, episodes.gather(result)
+    env, found = result.spec.env, episodes.gather(result)
     yield curves.learning_curves(result)
     if env.tabular is None:
         yield from step_histograms.draw(result, found)
@@ -30,15 +30,15 @@ def draw(result: Result) -> Iterator[Drawing]:
             yield coordinate_curves.by_coordinate(result, contributions(result, found.policy))
     else:
         yield from _of_a_table(result, env.tabular, found)
-    if result.plan.method.learns_feasibility and _has_both_labels(result):
+    if result.spec.method.learns_feasibility and _has_both_labels(result):
         yield reference_histogram(result, found)
     yield curves.losses(result)
 
 
 def _of_a_table(result: Result, table: Tabular, found: episodes.Evidence) -> Iterator[Drawing]:
     """Draw a finite world as its view says. A clone has learned no reward to draw over codes or a maze."""
-    learned = not result.plan.method.clones
-    match result.plan.env.view:
+    learned = not result.spec.method.clones
+    match result.spec.env.view:
         case Grid() as grid:
             yield from cells.draw(result, grid, table, found)
             yield from paths.draw(result, grid, found)

@@ -19,13 +19,13 @@ FRAMES = 6  # frames of each strip
 
 def tasks(results: Mapping[str, Result]) -> Drawing:
     """Draw a row for each environment: grids with layout, robots with a body. Use within `matplotlib.rc_context(STYLE)`."""
-    kinds = ["grid" if isinstance(result.plan.env.view, Grid) else "robot" for result in results.values()]
+    kinds = ["grid" if isinstance(result.spec.env.view, Grid) else "robot" for result in results.values()]
     heights = [HEIGHTS[kind] for kind in kinds]
     figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")
     parts, said = figure.subfigures(len(results), 1, height_ratios=heights, squeeze=False)[:, 0], []
     for letter, part, (name, result) in zip(LETTERS, parts, results.items(), strict=False):
         part.suptitle(f"({letter}) {name}", x=0.01, ha="left", fontsize=8, fontweight="bold")
-        view = result.plan.env.view
+        view = result.spec.env.view
         words = _grid(part, result, view) if isinstance(view, Grid) else _robot(part, result)
         said.append(f"({letter}) {name}: {words}")
     first = next(iter(results.values())).summary

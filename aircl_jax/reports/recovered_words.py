@@ -26,7 +26,7 @@ AVOIDED_HEAD = ("| after | never or rarely comes | feasibility | seen | expected
 
 def reading(result: Result) -> str:
     """Write the ranked tables of a finished run; empty where the world has no codes."""
-    env = result.plan.env
+    env = result.spec.env
     if not isinstance(env.view, Codes) or env.tabular is None:
         return ""
     return in_words(recover(result, env.tabular), env.view)

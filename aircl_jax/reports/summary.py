@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from aircl_jax.runs.metrics_log import numbers
-from aircl_jax.runs.spec import Plan
+from aircl_jax.runs.spec import RunSpec
 
 MEANINGS = {
     "violation_rate": "share of timesteps that violate, samples of q (the paper's)",
@@ -48,7 +48,7 @@ def statistics(per_seed: Sequence[Any] | np.ndarray) -> dict[str, Any]:
     return {"mean": mean, "std": std, "per_seed": numbers(values)}
 
 
-def summarise(plan: Plan, final: Mapping[str, np.ndarray], timing: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def summarise(spec: RunSpec, final: Mapping[str, np.ndarray], timing: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Make summary.json from the metrics at the end, [S] each, and one line of timing a chunk.
 
     The speed is taken from the end of the first chunk to the end of the last. It leaves out the first chunk of each
@@ -57,11 +57,11 @@ def summarise(plan: Plan, final: Mapping[str, np.ndarray], timing: Sequence[Mapp
     steady = [line for line in timing if not line["first"]]
     seconds = sum(line["seconds"] - line["compile_s"] for line in steady)
     return {
-        "env": plan.env.title,
-        "method": plan.method_name,
-        "seeds": list(plan.seeds),
-        "iterations": plan.config.iterations,
-        "env_steps": plan.config.iterations * plan.env_steps,
+        "env": spec.env.title,
+        "method": spec.method_name,
+        "seeds": list(spec.seeds),
+        "iterations": spec.config.iterations,
+        "env_steps": spec.config.iterations * spec.env_steps,
         "wall_s": round(sum(line["seconds"] for line in timing), 3),
         "compile_s": round(sum(line["compile_s"] for line in timing), 3),
         "env_steps_per_s": round(sum(line["env_steps"] for line in steady) / seconds, 1) if seconds else None,

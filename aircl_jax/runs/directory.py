@@ -17,8 +17,10 @@ from typing import Any, Literal
 import numpy as np
 import yaml
 
-from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, to_json
+from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, read_metrics, to_json
+from aircl_jax.runs.recorder import Row
 from aircl_jax.settings.parse import flatten
+from aircl_jax.settings.renamed import RENAMED, old_name
 from aircl_jax.storage import write_whole
 
 CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
@@ -31,10 +33,14 @@ Settings = Mapping[str, Any]  # of a run, nested, as config.yaml holds them
 
 @dataclass
 class RunDirectory:
-    """One run's files. `start` is the iteration to continue from, `finished` whether nothing is left to do."""
+    """One run's files. A recorder, see `runs.recorder`.
+
+    `chunk` is the iterations between two checkpoints, `start` the one to continue from, `finished` whether none is left.
+    """
 
     path: Path
     settings: Settings
+    chunk: int = 1
     start: int = 0
     finished: bool = False
 
@@ -64,7 +70,13 @@ class RunDirectory:
         cut(self.path / METRICS, self.start)
         cut(self.path / TIMING, sum(line["iteration"] <= self.start for line in self.timing()))
 
-    def append_metrics(self, rows: Sequence[Mapping[str, np.ndarray]]) -> None:
+    def on_chunk(self, iteration: int, states: Any, rows: Sequence[Row], timing: Mapping[str, Any]) -> None:
+        """Write the chunk, in the order that a resumed run relies on."""
+        self.append_metrics(rows)
+        self.save(states, iteration)
+        self.append_timing(timing)
+
+    def append_metrics(self, rows: Sequence[Row]) -> None:
         """A line per iteration, every metric a list over seeds."""
         lines = [to_json({name: row[name] for name in sorted(row)}) + "\n" for row in rows]
         with (self.path / METRICS).open("a") as file:
@@ -75,14 +87,14 @@ class RunDirectory:
         with (self.path / TIMING).open("a") as file:
             file.write(json.dumps(timing) + "\n")
 
-    def save(self, state: Any, iteration: int, chunk: int) -> None:
-        """The checkpoint of an iteration; of older ones the last multiple of `chunk` stays, where longer runs start."""
+    def save(self, state: Any, iteration: int) -> None:
+        """The checkpoint of an iteration; of older ones the last multiple of the chunk stays, where longer runs start."""
         from aircl_jax.runs import checkpoint
 
         (self.path / STATE).mkdir(exist_ok=True)
         checkpoint.save(_checkpoint(self.path, iteration), state)
         for older, path in _checkpoints(self.path).items():
-            if older < iteration - iteration % chunk:
+            if older < iteration - iteration % self.chunk:
                 _discard(path)
 
     def load(self, like: Any) -> Any:
@@ -90,6 +102,10 @@ class RunDirectory:
         from aircl_jax.runs import checkpoint
 
         return checkpoint.load(_checkpoint(self.path, self.start), like)
+
+    def history(self) -> dict[str, np.ndarray]:
+        """Read the metrics: {metric: [iterations, S]}."""
+        return read_metrics(self.path)
 
     def timing(self) -> list[dict[str, Any]]:
         path = self.path / TIMING
@@ -117,9 +133,9 @@ def open_run(
         foreign = sorted(name for name in held if name not in _OWN and not name.startswith(f".{CONFIG}"))
         if foreign:
             raise ValueError(f"run_dir={path} holds other files ({foreign[0]}, …) and no run; choose another directory")
-        return RunDirectory(path, settings)
+        return RunDirectory(path, settings, chunk)
     if existing == "overwrite":
-        return RunDirectory(path, settings)
+        return RunDirectory(path, settings, chunk)
     if existing == "refuse":
         raise ValueError(f"run_dir={path} already holds a run; choose resume=true, overwrite=true or another directory")
     return _resumed(path, settings, chunk)
@@ -152,12 +168,12 @@ def _resumed(path: Path, settings: Settings, chunk: int) -> RunDirectory:
     if done > iterations:
         raise ValueError(f"run_dir={path} is at iteration {done} already; iterations={iterations} would shorten it")
     if done == iterations and (path / SUMMARY).exists():
-        return RunDirectory(path, settings, start=done, finished=True)
+        return RunDirectory(path, settings, chunk, done, finished=True)
     whole = [iteration for iteration in _checkpoints(path) if iteration % chunk == 0]
     start = done if done == iterations else max(whole, default=0)
     if start and (not (path / METRICS).exists() or len(complete_lines(path / METRICS)) < start):
         raise ValueError(f"{path / METRICS} is cut short of the checkpoint at {start}; use overwrite=true to start again")
-    return RunDirectory(path, settings, start=start)
+    return RunDirectory(path, settings, chunk, start)
 
 
 def _refuse_other_settings(path: Path, settings: Settings) -> None:
@@ -165,6 +181,9 @@ def _refuse_other_settings(path: Path, settings: Settings) -> None:
         kept = flatten(yaml.safe_load((path / CONFIG).read_text()))
     except (yaml.YAMLError, AttributeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path / CONFIG} cannot be read; use overwrite=true to start again") from error
+    for name in sorted(kept, key=lambda name: RENAMED.get(name) is None):
+        if of_before := old_name(name):
+            raise ValueError(f"run_dir={path} is of an older version: {of_before}; choose overwrite=true or another directory")
     asked = flatten(settings)
     differing = [name for name in kept | asked if name not in _FREE and kept.get(name) != asked.get(name)]
     if differing:

@@ -1,42 +1,19 @@
-"""One sitting of a run: chunks of iterations, and between them the host's work: measure, log, save, tell."""
+"""One sitting of a run: chunks of iterations, and between them the host's work: measure, and tell the recorders."""
 
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
-import numpy as np
 
-from aircl_jax.runs.directory import RunDirectory
+from aircl_jax.runs.recorder import Recorder, Row, StartRecorder
 from aircl_jax.runs.seeds import Runner
 from aircl_jax.types import TrainState, Trajectory
 
-Row = Mapping[str, np.ndarray]  # one iteration's metrics, each [S]
 Evaluate = Callable[[TrainState], Row]
-
-
-class Progress(NamedTuple):
-    """Where a run stands; speed and time left are unknown (None) until a chunk has run without compiling."""
-
-    iteration: int
-    iterations: int
-    env_steps_per_s: float | None
-    seconds_left: float | None
-    metrics: Mapping[str, float]  # means over seeds
-
-
-@dataclass
-class Session:
-    """What a sitting has done: the iteration reached, its metrics, one line of timing a chunk."""
-
-    iteration: int
-    rows: list[Row] = field(default_factory=list)
-    timing: list[dict[str, Any]] = field(default_factory=list)
-    evaluation: Row = field(default_factory=dict)
 
 
 class Stopwatch:
@@ -74,63 +51,51 @@ def run_session(
     chunk: int,
     evaluate: Evaluate,
     env_steps: int,
-    directory: RunDirectory | None,
     stopwatch: Stopwatch,
-    on_progress: Callable[[Progress], None],
-) -> tuple[TrainState, Session]:
-    """Train from `start` to `iterations`; `env_steps` are those of one iteration of all seeds.
+    recorders: Sequence[Recorder],
+) -> tuple[TrainState, Row]:
+    """Train from `start` to `iterations`, and return the states and their evaluation.
 
-    The first chunk's time is that since `stopwatch` was started.
+    `env_steps` are those of one iteration of all seeds. The first chunk's time is that since `stopwatch` was started,
+    a later one's that since the chunk before: what recorders take counts for the chunk after them.
 
     Chunks end at multiples of `chunk` wherever the run starts or ends, so a resumed run compiles and computes the same.
-    An interrupt waits for the chunk's end and its checkpoint; then KeyboardInterrupt is raised.
+    An interrupt waits for the chunk's end and all recorders; then KeyboardInterrupt is raised.
     """
-    session = Session(start)
-    on_progress(Progress(start, iterations, None, None, {}))
+    for recorder in recorders:
+        if isinstance(recorder, StartRecorder):
+            recorder.on_start(start, iterations)
+    iteration, evaluation = start, None
     with _noted_interrupts() as interrupts:
-        while session.iteration < iterations:
-            end = min(session.iteration - session.iteration % chunk + chunk, iterations)
-            length = end - session.iteration
-            states, metrics = runner.run_chunk(states, expert, length)
-            metrics = jax.device_get(metrics)
+        while iteration < iterations:
+            end = min(iteration - iteration % chunk + chunk, iterations)
+            length = end - iteration
+            with defects_apart():
+                states, metrics = runner.run_chunk(states, expert, length)
+                metrics = jax.device_get(metrics)
+                evaluation = evaluate(states)
             rows: list[Row] = [{name: values[i] for name, values in metrics.items()} for i in range(length)]
-            session.evaluation = evaluate(states)
             if end % chunk == 0:
-                rows[-1] = {**rows[-1], **session.evaluation}
-            if directory:
-                directory.append_metrics(rows)
-                directory.save(states, end, chunk)
-            timing = {
-                "iteration": end,
-                "env_steps": length * env_steps,
-                "first": not session.timing,
-                **stopwatch.lap(),
-            }
-            if directory:
-                directory.append_timing(timing)
-            session.iteration = end
-            session.rows += rows
-            session.timing.append(timing)
-            on_progress(_progress(session, iterations))
+                rows[-1] = {**rows[-1], **evaluation}
+            timing = {"iteration": end, "env_steps": length * env_steps, "first": iteration == start, **stopwatch.lap()}
+            for recorder in recorders:
+                recorder.on_chunk(end, states, rows, timing)
+            iteration = end
             if interrupts:
                 raise KeyboardInterrupt
-    session.evaluation = session.evaluation or evaluate(states)
-    return states, session
+    if evaluation is None:
+        with defects_apart():
+            evaluation = evaluate(states)
+    return states, evaluation
 
 
-def _progress(session: Session, iterations: int) -> Progress:
-    steady = [line for line in session.timing if not line["first"]]
-    seconds, steps = sum(line["seconds"] - line["compile_s"] for line in steady), sum(line["env_steps"] for line in steady)
-    done = session.iteration - session.timing[0]["iteration"]
-    left = (iterations - session.iteration) * seconds / done if done else None
-    last = {**session.rows[-1], **session.evaluation}
-    return Progress(
-        iteration=session.iteration,
-        iterations=iterations,
-        env_steps_per_s=steps / seconds if seconds else None,
-        seconds_left=left,
-        metrics={name: float(np.mean(values)) for name, values in last.items()},
-    )
+@contextmanager
+def defects_apart() -> Iterator[None]:
+    """Keep a ValueError of the computation, which is a defect, apart from that of bad input."""
+    try:
+        yield
+    except ValueError as error:
+        raise RuntimeError("training failed") from error
 
 
 @contextmanager

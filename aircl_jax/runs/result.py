@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Shaped
 
 from aircl_jax.model.feasibility import log_feasibility, log_step_feasibility
 from aircl_jax.model.networks import BoundNetworks, Networks
-from aircl_jax.runs.spec import Plan
+from aircl_jax.runs.spec import RunSpec
 from aircl_jax.types import TrainState, Trajectory
 
 
@@ -23,7 +23,7 @@ class Result:
     summary: Mapping[str, Any]  # as in summary.json
     alarms: list[str]  # sentences on what looks degenerate
     history: Mapping[str, np.ndarray]  # {metric: [iterations, S]}, NaN where undefined
-    plan: Plan
+    spec: RunSpec
     networks: Networks
     states: TrainState  # [S, …]
     expert: Trajectory  # D_E, [S, N, T, …]
@@ -42,7 +42,7 @@ class Result:
     def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"], index: int = 0) -> Float[Array, ""]:
         """The learned f_θ(s, a). Raises ValueError where the method learns none."""
         if not self.networks.method.learns_reward:
-            raise ValueError(f"method={self.plan.method_name} learns no reward; choose one that does")
+            raise ValueError(f"method={self.spec.method_name} learns no reward; choose one that does")
         return self.bound(index).reward(obs, action)
 
     def feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, ""]:

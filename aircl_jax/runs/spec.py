@@ -14,6 +14,7 @@ from aircl_jax.methods import Method, get_method
 from aircl_jax.settings.checks import check_config
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.parse import at_least, plain, updated
+from aircl_jax.settings.renamed import renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
 from envs import ENVS, Env, make_env
@@ -21,7 +22,7 @@ from envs.checks import check_env
 
 
 @dataclass(frozen=True)
-class Plan:
+class RunSpec:
     """A checked run.
 
     `own` holds the user's demonstrations, `reference` what lies beside their file to score by; None where the
@@ -59,11 +60,11 @@ class Plan:
     @property
     def env_steps(self) -> int:
         """Environment steps of one iteration, of the trajectories that enter an update, over all seeds."""
-        pool = self.config.pool if self.method.has_pool else 1
+        pool = self.config.pool_factor if self.method.has_pool else 1
         return len(self.seeds) * self.config.num_trajectories * pool * self.env.horizon
 
 
-def make_plan(
+def make_spec(
     env: str | Env,
     method: str,
     *,
@@ -74,7 +75,7 @@ def make_plan(
     demonstrations: str | Path,
     env_settings: Mapping[str, Any],
     config: TrainConfig | Mapping[str, Any],
-) -> Plan:
+) -> RunSpec:
     """Resolve names, defaults and files. Raises ValueError, in one line, for whatever does not fit."""
     if isinstance(env, Env) and env_settings:
         raise ValueError(
@@ -100,7 +101,7 @@ def make_plan(
     if row.needs_true_reward and "contrast" in row.terms and unknown:
         whose = f"env={world.name}" if own is None else f"demonstrations={demonstrations}"
         raise ValueError(f"{whose}: reward is missing, which the contrast prior of {method} compares")
-    return Plan(
+    return RunSpec(
         env=world,
         named=not isinstance(env, Env),
         env_settings=options,
@@ -116,14 +117,18 @@ def make_plan(
     )
 
 
-def planned(settings: Mapping[str, Any]) -> Plan:
-    """The plan whose `settings` these are. Raises ValueError where a world or a file of then is not known now."""
-    env, demonstrations = dict(settings["env"]), settings["demonstrations"]
+def read_spec(settings: Mapping[str, Any]) -> RunSpec:
+    """Read the spec from its `settings`, under their names of today or of before.
+
+    Raises ValueError where a world or a file of then is not known now.
+    """
+    settings = renamed(settings)
+    env, demonstrations = settings["env"], settings["demonstrations"]
     if "own" in env:
         raise ValueError(
             f"env={env['name']} was given as an Env, which a run does not keep; choose a run on a named environment"
         )
-    plan = make_plan(
+    spec = make_spec(
         env.pop("name"),
         settings["method"],
         demonstrations=demonstrations if demonstrations == "default" else demonstrations["source"],
@@ -131,9 +136,9 @@ def planned(settings: Mapping[str, Any]) -> Plan:
         config=settings["train"],
         **{name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")},
     )
-    if plan.settings["demonstrations"] != demonstrations:
-        raise ValueError(f"demonstrations={plan.source} is not what the run had: the content has changed")
-    return plan
+    if spec.settings["demonstrations"] != demonstrations:
+        raise ValueError(f"demonstrations={spec.source} is not what the run had: the content has changed")
+    return spec
 
 
 def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, Any]]:

@@ -15,14 +15,14 @@ from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.demonstrations import sources
 from aircl_jax.model.networks import make_networks
 from aircl_jax.runs.seeds import make_evaluator, make_runner
-from aircl_jax.runs.spec import Plan
+from aircl_jax.runs.spec import RunSpec
 from aircl_jax.settings.checks import check_config
 from aircl_jax.settings.train_config import Coefficients, Scalar, TrainConfig
 from aircl_jax.types import Metrics, TrainState, Trajectory
 
 
-def sweep(plan: Plan, coefficient: str, values: Sequence[float]) -> dict[str, Float[np.ndarray, "V S"]]:
-    """Train a plan at each value of a coefficient; every metric of the evaluation at the end, of each value and seed.
+def sweep(spec: RunSpec, coefficient: str, values: Sequence[float]) -> dict[str, Float[np.ndarray, "V S"]]:
+    """Train a run at each value of a coefficient; every metric of the evaluation at the end, of each value and seed.
 
     Seed s starts from the same state and sees the same demonstrations at every value, so that values are paired by seed.
 
@@ -34,22 +34,22 @@ def sweep(plan: Plan, coefficient: str, values: Sequence[float]) -> dict[str, Fl
         raise ValueError(f"coefficient={coefficient} is unknown; choose from {', '.join(known)}")
     if not values:
         raise ValueError("values is empty; give at least one")
-    if plan.own is not None:
-        raise ValueError(f"demonstrations={plan.source}: a sweep runs on the environment's own; choose default")
+    if spec.own is not None:
+        raise ValueError(f"demonstrations={spec.source}: a sweep runs on the environment's own; choose default")
     for value in values:
-        check_config(_with_value(plan.config, coefficient, value).coefficients, "train.coefficients")
-    expert, reference = sources.demonstrations(plan.env, plan.seeds, plan.config)
+        check_config(_with_value(spec.config, coefficient, value).coefficients, "train.coefficients")
+    expert, reference = sources.demonstrations(spec.env, spec.seeds, spec.config)
     lanes = jax.tree.map(lambda leaf: jnp.concatenate([leaf] * len(values)), expert)
-    given = (lanes, jnp.repeat(jnp.asarray(values, jnp.float32), len(plan.seeds)))
-    runner = make_runner(_trainer(plan, coefficient), plan.seeds * len(values))
-    states, left = runner.init(given), plan.config.iterations
+    given = (lanes, jnp.repeat(jnp.asarray(values, jnp.float32), len(spec.seeds)))
+    runner = make_runner(_trainer(spec, coefficient), spec.seeds * len(values))
+    states, left = runner.init(given), spec.config.iterations
     while left:
-        length = min(plan.config.chunk, left)
+        length = min(spec.config.checkpoint_every, left)
         states, _ = runner.run_chunk(states, given, length)
         left -= length
-    judge = make_evaluator(partial(_evaluate, plan, coefficient), len(plan.seeds) * len(values))
+    judge = make_evaluator(partial(_evaluate, spec, coefficient), len(spec.seeds) * len(values))
     found = jax.device_get(judge(states, given, reference))
-    return {name: np.asarray(metric).reshape(len(values), len(plan.seeds)) for name, metric in found.items()}
+    return {name: np.asarray(metric).reshape(len(values), len(spec.seeds)) for name, metric in found.items()}
 
 
 def _with_value(config: TrainConfig, coefficient: str, value: Scalar) -> TrainConfig:
@@ -57,11 +57,11 @@ def _with_value(config: TrainConfig, coefficient: str, value: Scalar) -> TrainCo
     return replace(config, coefficients=replace(config.coefficients, **changed))
 
 
-def _trainer(plan: Plan, coefficient: str) -> Trainer:
+def _trainer(spec: RunSpec, coefficient: str) -> Trainer:
     """A trainer whose second argument is D_E and the coefficient's value."""
 
     def of(value: Float[Array, ""]) -> Trainer:
-        return make_trainer(plan.env, plan.method, _with_value(plan.config, coefficient, value))
+        return make_trainer(spec.env, spec.method, _with_value(spec.config, coefficient, value))
 
     def init(key: PRNGKeyArray, given: Any) -> TrainState:
         return of(given[1]).init(key, given[0])
@@ -72,6 +72,6 @@ def _trainer(plan: Plan, coefficient: str) -> Trainer:
     return Trainer(init, step, make_networks(plan.env, plan.method, plan.config))
 
 
-def _evaluate(plan: Plan, coefficient: str, state: TrainState, given: Any, reference: Trajectory) -> Metrics:
-    nets = make_networks(plan.env, plan.method, _with_value(plan.config, coefficient, given[1]))
+def _evaluate(spec: RunSpec, coefficient: str, state: TrainState, given: Any, reference: Trajectory) -> Metrics:
+    nets = make_networks(spec.env, spec.method, _with_value(spec.config, coefficient, given[1]))
     return evaluate(nets, state, given[0], reference)

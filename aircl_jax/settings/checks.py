@@ -8,9 +8,9 @@ from aircl_jax.settings.parse import at_least
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
-COUNTS_FROM_ZERO = ("warm_start", "waiting", "annealing")
+COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "lr_decay_iterations")
 POSITIVE = ("sharpness", "threshold", "ratio_clip")  # numbers of which 0 is none
-BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max", "cost_budget")  # numbers of either sign
+BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max")  # numbers of either sign
 
 
 def check_config(config: Any, prefix: str) -> None:
@@ -26,8 +26,8 @@ def check_config(config: Any, prefix: str) -> None:
     if isinstance(config, PPOConfig) and not config.log_std_min <= config.log_std_init <= config.log_std_max:
         bounds = f"log_std_min={config.log_std_min} and log_std_max={config.log_std_max}"
         raise ValueError(f"{prefix}.log_std_init={config.log_std_init} is not between {bounds}; choose one that is")
-    if isinstance(config, TrainConfig) and 0 < config.annealing <= config.waiting:
-        given = f"{prefix}.waiting={config.waiting} is not less than annealing={config.annealing}"
+    if isinstance(config, TrainConfig) and 0 < config.lr_decay_iterations <= config.policy_delay:
+        given = f"{prefix}.policy_delay={config.policy_delay} is not less than lr_decay_iterations={config.lr_decay_iterations}"
         raise ValueError(f"{given}, so that the policy would never move; choose less")
 
 

@@ -13,7 +13,7 @@ _ROBOT = TrainConfig(
     num_trajectories=50,
     num_demonstrations=50,
     num_evaluation=50,
-    chunk=10,
+    checkpoint_every=10,
     ppo=PPOConfig(num_epochs=10, minibatch_size=2500),
 )
 
@@ -45,7 +45,7 @@ PAPER: dict[str, TrainConfig] = {
 
 _TUNED_GRID = replace(
     _GRID,
-    pool=4,
+    pool_factor=4,
     ppo=replace(_GRID.ppo, num_epochs=2, learning_rate=1e-3, clip_eps=0.2),
     adversary=AdversaryConfig(learning_rate=1e-3),
     coefficients=Coefficients(sampled_coef=0.5, threshold=0.3),
@@ -65,9 +65,9 @@ _TUNED_NONMARKOV = replace(
 # replay keeps windows of random codes, beside which what is rarely done stands far above what is never done; ϑ lies between.
 _TUNED_ANIMALS = replace(
     _ANIMALS,
-    warm_start=100,
-    waiting=30,
-    annealing=200,
+    clone_epochs=100,
+    policy_delay=30,
+    lr_decay_iterations=200,
     ppo=replace(_ANIMALS.ppo, learning_rate=4e-4, clip_eps=0.2, minibatch_size=2500),
     adversary=replace(_ANIMALS.adversary, num_steps=8, learning_rate=3e-3, minibatch_size=2500, replay_rate=0.0),
     coefficients=Coefficients(threshold=0.03, sharpness=3.0),
@@ -95,8 +95,8 @@ _WALKER = _tuned_robot(_ROBOT)
 
 _TUNED_WALKER = replace(
     _WALKER,
-    warm_start=40,
-    warm_minibatch_size=1000,
+    clone_epochs=40,
+    clone_minibatch_size=1000,
     temperature=0.1,
     reward_bound=20.0,
     constraint_input="action",

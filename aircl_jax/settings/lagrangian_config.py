@@ -23,7 +23,7 @@ class LagrangianConfig:
     restart: bool = False  # train with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
     fall_cost: float = 1.0  # cost of a fall during training; at 1, falling and resetting is cheaper than balancing
     motor_limit: float = 0.0  # in training, constrained seeds' motors stop there while what was asked of them costs; 0: no stop
-    chunk: int = 20  # iterations between two checkpoints
+    checkpoint_every: int = 20  # iterations between two checkpoints
     ppo: PPOConfig = field(
         default_factory=lambda: PPOConfig(learning_rate=1e-3, clip_eps=0.2, num_epochs=5, minibatch_size=1000, discount=0.99)
     )

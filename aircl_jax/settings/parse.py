@@ -6,6 +6,8 @@ from dataclasses import is_dataclass, replace
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from aircl_jax.settings.renamed import old_name
+
 T = TypeVar("T")
 
 _PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "a text"}
@@ -19,7 +21,9 @@ def updated(default: T, values: Mapping[str, Any], prefix: str = "") -> T:
     hints = get_type_hints(type(default))
     for name in values:
         if name not in hints:
-            raise ValueError(f"unknown setting {_join(prefix, name)}; choose from {', '.join(hints)}")
+            raise ValueError(
+                old_name(_join(prefix, name)) or f"unknown setting {_join(prefix, name)}; choose from {', '.join(hints)}"
+            )
     return replace(
         default,  # pyright: ignore[reportArgumentType]
         **{name: _converted(getattr(default, name), hints[name], value, _join(prefix, name)) for name, value in values.items()},

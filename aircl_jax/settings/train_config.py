@@ -16,7 +16,6 @@ class Coefficients:
 
     contrast_coef: Scalar = 0.001  # φ of Eq. 13; Table 2
     minimal_coef: Scalar = 0.001  # κ of the minimal-constraint term, Section 6; Table 2
-    cost_budget: Scalar = 0.0  # α of Eq. 10; a constant, so it moves the objective and no gradient
     ratio_clip: Scalar = 1.0  # upper bound of Eq. 12's coefficient π(τ)(1 − D), which is a density and may be e^88
     sampled_coef: Scalar = 0.25  # m: weight of D_S beside D_E as feasible, in the corrected trajectory-level term
     sharpness: Scalar = 6.0  # k of the corrected test
@@ -57,7 +56,7 @@ class TrainConfig:
     iterations: int = 250
     num_trajectories: int = 70  # N: trajectories of D_P a round; Table 2's "sampled trajectory"
     num_demonstrations: int = 70  # trajectories of D_E where the expert is sampled; Table 2's "expert trajectory"
-    pool: int = 1  # the rows that draw D_S from a pool collect pool × N trajectories a round
+    pool_factor: int = 1  # the rows that draw D_S from a pool collect pool_factor × N trajectories a round
     hidden: tuple[int, ...] = (32, 32)  # every network; Table 2
     step_network: Literal["joint", "additive"] = "joint"  # δ₁'s logit: of all coordinates, or a sum of one network for each
     additive_hidden: tuple[int, ...] = (16, 16)  # of each coordinate's network
@@ -65,13 +64,16 @@ class TrainConfig:
     reward_input: Literal["view", "obs"] = "view"  # f on the environment's smooth coordinates or on the whole observation
     reward_bound: float = 0.0  # B of f = B tanh(net / B), where an unbounded f runs away; 0: none
     constraint_input: Literal["env", "state", "action", "state_action"] = "env"  # of δ̄; env: as the environment says
-    warm_start: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
-    warm_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
-    waiting: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn to judge a clone before it moves
-    annealing: int = 0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
+    clone_epochs: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
+    clone_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
+    clone_learning_rate: float = 3e-3  # Adam's, of the cloning
+    policy_delay: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn to judge a clone before it moves
+    lr_decay_iterations: int = (
+        0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
+    )
     temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation
-    chunk: int = 25  # iterations between two checkpoints, log flushes and evaluations
+    checkpoint_every: int = 25  # iterations between two checkpoints, log flushes and evaluations
     ppo: PPOConfig = field(default_factory=PPOConfig)
     adversary: AdversaryConfig = field(default_factory=AdversaryConfig)
     coefficients: Coefficients = field(default_factory=Coefficients)

@@ -67,6 +67,11 @@ CONSTRAINTS: dict[str, dict[str, Constraint]] = {
 }
 
 
+def limit_of(constraint: Constraint, asked: float | str) -> float:
+    """Resolve env.limit: what was asked for, or the constraint's own where that says default."""
+    return constraint.limit if isinstance(asked, str) else float(asked)
+
+
 def find_constraint(name: str, body: str) -> Constraint:
     """Find the row of CONSTRAINTS for this body. Raises ValueError where the body has no such constraint."""
     choices = [known for known, bodies in CONSTRAINTS.items() if body in bodies]

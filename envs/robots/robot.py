@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from envs.base import Env, Limit, Step
 from envs.options import RobotOptions
 from envs.robots.bodies import Body
-from envs.robots.constraints import Constraint, find_constraint, never
+from envs.robots.constraints import Constraint, find_constraint, limit_of, never
 from envs.robots.planar.dynamics import planar_physics
 from envs.robots.tasks import ROBOTS, RobotState
 from envs.views import Coordinates
@@ -44,7 +44,7 @@ def make_pendulum(options: RobotOptions) -> Env:
 
 def _make(name: str, options: RobotOptions) -> Env:
     constraint = find_constraint(options.constraint, name)
-    limit = constraint.limit if isinstance(options.limit, str) else float(options.limit)
+    limit = limit_of(constraint, options.limit)
     body, box, task = ROBOTS[name].body, ROBOTS[name].action_space, ROBOTS[name].tasks[constraint.task]
     model = compile_model(body, options.integrator)
     physics = ENGINES[options.engine](model, body, options.integrator)

@@ -43,7 +43,7 @@ class Settings:
 
     @property
     def training(self) -> dict[str, Any]:
-        own = {"chunk": self.chunk} if self.chunk else {}
+        own = {"checkpoint_every": self.chunk} if self.chunk else {}
         return own | ({"ppo": {"num_epochs": self.epochs}} if self.epochs else {})
 
 
@@ -94,7 +94,7 @@ def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
     from aircl_jax.methods import get_method
     from aircl_jax.settings.env_defaults import default_config
 
-    chunk = settings.chunk or default_config(settings.env, get_method(settings.method).settings).chunk
+    chunk = settings.chunk or default_config(settings.env, get_method(settings.method).settings).checkpoint_every
     with tempfile.TemporaryDirectory() as place:
         result = train(
             settings.env,
@@ -129,7 +129,7 @@ def parts(settings: Settings) -> dict[str, str]:
     trainer = make_trainer(env, method, config)
     expert = jax.tree.map(lambda leaf: leaf[0], demonstrations(env, [0], config)[0])
     state = jax.jit(trainer.init)(jax.random.key(0), expert)
-    nets, number = trainer.networks.bind(state.params, state.obs_stats), config.num_trajectories * config.pool
+    nets, number = trainer.networks.bind(state.params, state.obs_stats), config.num_trajectories * config.pool_factor
 
     policy, rolling = _timed(lambda key: rollouts(nets, key, number), state.key)
     head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
@@ -225,7 +225,7 @@ def second_start(settings: Settings) -> float:
                 f"method={settings.method}",
                 f"seeds={settings.seeds}",
                 "iterations=1",
-                "train.chunk=1",
+                "train.checkpoint_every=1",
             ]
             command = [sys.executable, "-m", "experiments.run", *words, f"run_dir={metrics.parent}"]
             start = time.perf_counter()

@@ -16,6 +16,7 @@ from hydra.errors import ConfigCompositionException, HydraException, MissingConf
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from aircl_jax.settings.renamed import old_name
 from experiments.cli import hydra_settings
 
 DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
@@ -83,6 +84,8 @@ def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
     unknown = re.search(r"Could not override '([^']+)'", str(error))
     if isinstance(error, ConfigCompositionException) and unknown:
         key = unknown.group(1)
+        if of_before := old_name(key):
+            return of_before
         env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), "gridworld")
         return f"unknown setting {key}; choose from {', '.join(hydra_settings.choices(key.rpartition('.')[0], env))}"
     if isinstance(error, OverrideParseException):

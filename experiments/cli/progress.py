@@ -3,57 +3,78 @@
 import math
 import sys
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
 if TYPE_CHECKING:
-    from aircl_jax.runs.loop import Progress
+    from aircl_jax.runs.recorder import Row
 
 LIVE = ("violation_rate", "goal_rate", "return", "balanced_acc")  # the first three of these that a run measures
 SECONDS_BETWEEN_LINES = 10.0
 
 
 class Reporter:
-    """Callable with each `Progress` of one run."""
+    """Recorder of one run that shows where it stands.
+
+    Speed and time left are shown once a chunk has run without compiling.
+    """
 
     def __init__(self, headline: str) -> None:
         self.headline = headline
+        self.iterations = 0
+        self.first_chunk: int | None = None  # where it ended
+        self.steps = self.seconds = 0.0  # of the chunks after it, without compiling
         self.bar: tqdm | None = None
         self.last_line = float("-inf")
 
-    def __call__(self, progress: "Progress") -> None:
-        if not progress.metrics:
-            print(self.headline)
-            print("compiling; the first start takes the longest, later ones use the cache", flush=True)
+    def on_start(self, iteration: int, iterations: int) -> None:
+        self.iterations = iterations
+        print(self.headline)
+        print("compiling; the first start takes the longest, later ones use the cache", flush=True)
         if sys.stdout.isatty():
-            self._draw(progress)
-        elif progress.metrics:
-            self._print(progress)
+            form = "{n_fmt}/{total_fmt} |{bar}| {desc}"
+            self.bar = tqdm(total=iterations, initial=iteration, bar_format=form, file=sys.stdout)
+            self._draw(iteration, "")
+
+    def on_chunk(self, iteration: int, states: Any, rows: Sequence["Row"], timing: Mapping[str, Any]) -> None:
+        if self.first_chunk is None:
+            self.first_chunk = iteration
+        else:
+            self.steps += timing["env_steps"]
+            self.seconds += timing["seconds"] - timing["compile_s"]
+        details = "  ".join(self._speed(iteration) + _measured(rows[-1]))
+        if self.bar:
+            self._draw(iteration, details)
+        else:
+            self._print(iteration, details)
 
     def close(self) -> None:
         if self.bar:
             self.bar.close()
 
-    def _draw(self, progress: "Progress") -> None:
-        if self.bar is None:
-            form = "{n_fmt}/{total_fmt} |{bar}| {desc}"
-            self.bar = tqdm(total=progress.iterations, initial=progress.iteration, bar_format=form, file=sys.stdout)
-        self.bar.set_description_str(_details(progress), refresh=False)
-        self.bar.update(progress.iteration - self.bar.n)
-        self.bar.refresh()
+    def _draw(self, iteration: int, details: str) -> None:
+        if self.bar is not None:
+            self.bar.set_description_str(details, refresh=False)
+            self.bar.update(iteration - self.bar.n)
+            self.bar.refresh()
 
-    def _print(self, progress: "Progress") -> None:
+    def _print(self, iteration: int, details: str) -> None:
         now = time.monotonic()
-        if now - self.last_line >= SECONDS_BETWEEN_LINES or progress.iteration == progress.iterations:
+        if now - self.last_line >= SECONDS_BETWEEN_LINES or iteration == self.iterations:
             self.last_line = now
-            print(f"iteration {progress.iteration}/{progress.iterations}  {_details(progress)}", flush=True)
+            print(f"iteration {iteration}/{self.iterations}  {details}", flush=True)
+
+    def _speed(self, iteration: int) -> list[str]:
+        if self.first_chunk is None or self.seconds <= 0:
+            return []
+        left = (self.iterations - iteration) * self.seconds / (iteration - self.first_chunk)
+        minutes, seconds = divmod(round(left), 60)
+        return [f"{self.steps / self.seconds:,.0f} env steps/s", f"{minutes}:{seconds:02d} left"]
 
 
-def _details(progress: "Progress") -> str:
-    parts = []
-    if progress.env_steps_per_s is not None and progress.seconds_left is not None:
-        minutes, seconds = divmod(round(progress.seconds_left), 60)
-        parts += [f"{progress.env_steps_per_s:,.0f} env steps/s", f"{minutes}:{seconds:02d} left"]
-    measured = [name for name in LIVE if math.isfinite(progress.metrics.get(name, math.nan))][:3]
-    return "  ".join([*parts, *(f"{name} {progress.metrics[name]:.3g}" for name in measured)])
+def _measured(row: "Row") -> list[str]:
+    """Means over seeds."""
+    means = {name: float(row[name].mean()) for name in LIVE if name in row}
+    return [f"{name} {mean:.3g}" for name, mean in means.items() if math.isfinite(mean)][:3]

@@ -101,7 +101,7 @@ def train(composed: Composed) -> None:
         command=shlex.join(["python", "-m", "experiments.expert", *words]),
     )
     mode = existing(settings.resume, settings.overwrite)
-    run(task, open_run(Path(settings.run_dir), task.settings, tuned.chunk, mode))
+    run(task, open_run(Path(settings.run_dir), task.settings, tuned.checkpoint_every, mode))
 
 
 def _all_default(config: Any) -> dict[str, Any]:

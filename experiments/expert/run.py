@@ -82,16 +82,15 @@ def run(task: Task, directory: RunDirectory) -> None:
 
 
 def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDirectory) -> LagrangianState:
-    iteration, iterations, chunk = directory.start, task.config.iterations, task.config.chunk
+    iteration, iterations, chunk = directory.start, task.config.iterations, task.config.checkpoint_every
     while iteration < iterations:
         started, length = time.perf_counter(), min(chunk, iterations - iteration)
         states, metrics = runner.run_chunk(states, length)
         metrics = jax.device_get(metrics)
         iteration += length
-        directory.append_metrics([{name: values[i] for name, values in metrics.items()} for i in range(length)])
-        directory.save(states, iteration, chunk)
+        rows = [{name: values[i] for name, values in metrics.items()} for i in range(length)]
         seconds = round(time.perf_counter() - started, 2)
-        directory.append_timing({"iteration": iteration, "seconds": seconds})
+        directory.on_chunk(iteration, states, rows, {"iteration": iteration, "seconds": seconds})
         means = {name: metrics[name].mean(axis=0) for name in LIVE}
         shown = "  ".join(f"{name} {' '.join(f'{x:.3g}' for x in values)}" for name, values in means.items())
         print(f"iteration {iteration}/{iterations}  {seconds:.0f} s  {shown}", flush=True)

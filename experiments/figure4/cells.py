@@ -39,8 +39,8 @@ GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the si
 SMOKE = {
     "num_trajectories": 10,
     "num_evaluation": 8,
-    "chunk": 2,
-    "warm_start": 1,
+    "checkpoint_every": 2,
+    "clone_epochs": 1,
     "adversary": {"num_steps": 1},
     "ppo": {"num_epochs": 1},
 }
@@ -145,7 +145,7 @@ def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]
     )
     windows = generate(result, len(study.codes))
     found = {name: _compared(study, codes) for name, codes in windows.items()}
-    table = cast(Tabular, result.plan.env.tabular)
+    table = cast(Tabular, result.spec.env.tabular)
     return {
         **result.summary,
         "command": _command(settings, study, method),

@@ -29,7 +29,7 @@ def held_out_cell(settings: Settings, study: Study, method: str, fold: int) -> d
         env_settings=where,
         config=settings.training,
     )
-    table = cast(Tabular, result.plan.env.tabular)
+    table = cast(Tabular, result.spec.env.tabular)
     options = MeerkatOptions(data=settings.data, mapping=settings.mapping, fold=fold)
     now, after = _transitions(options)
     log_policy = recover(result, table).log_policy[0]

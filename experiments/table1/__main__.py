@@ -23,7 +23,7 @@ SMOKE: dict[str, Any] = {
     "num_trajectories": 4,
     "num_demonstrations": 4,
     "num_evaluation": 4,
-    "warm_start": 1,
+    "clone_epochs": 1,
     "ppo": {"num_epochs": 1},
     "adversary": {"num_steps": 1},
 }

@@ -12,9 +12,10 @@ import numpy as np
 
 from aircl_jax import train
 from aircl_jax.runs.directory import CONFIG
-from aircl_jax.runs.spec import Plan, make_plan
+from aircl_jax.runs.spec import RunSpec, make_spec
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.parse import flatten, plain
+from aircl_jax.settings.renamed import renamed
 from aircl_jax.settings.train_config import TrainConfig
 from experiments.cli.progress import Reporter
 from experiments.shared.kept_files import keep
@@ -77,7 +78,7 @@ def chunk_of(iterations: int) -> int:
 def arguments(job: Job, env: str, method: str) -> Mapping[str, Any]:
     """Of `train`, for this cell."""
     iterations = iterations_of(job, env)
-    config = {**job.config, "chunk": chunk_of(iterations)}
+    config = {**job.config, "checkpoint_every": chunk_of(iterations)}
     return {"env": env, "method": method, "seeds": job.seeds, "iterations": iterations, "config": config}
 
 
@@ -89,18 +90,18 @@ def command(job: Job, env: str, method: str) -> str:
     return " ".join(["python -m experiments.run", *words, *settings, f"run_dir={job.run_dir(env, method)}"])
 
 
-def planned(job: Job, env: str, method: str) -> Plan:
+def spec_of(job: Job, env: str, method: str) -> RunSpec:
     """The checked run of this cell."""
     rest: dict[str, Any] = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "default", "env_settings": {}}
-    return make_plan(**arguments(job, env, method), **rest)
+    return make_spec(**arguments(job, env, method), **rest)
 
 
-def settings_of(plan: Plan) -> dict[str, Any]:
+def settings_of(spec: RunSpec) -> dict[str, Any]:
     """All that a cell's numbers depend on beside the code: the run's settings and the bytes of shipped demonstrations."""
-    name = plan.env.shipped_demonstrations
+    name = spec.env.shipped_demonstrations
     files = [resources.files("envs") / "demonstrations" / f"{part}.npz" for part in (name, f"{name}_reference")]
     digests = [hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in files] if name else []
-    return {**plan.settings, "shipped": digests}
+    return {**spec.settings, "shipped": digests}
 
 
 def unavailable(env: str) -> str | None:
@@ -112,7 +113,7 @@ def unavailable(env: str) -> str | None:
 
 def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = False) -> Cell:
     """Train, or continue what was cut, and keep the cell. Raises ValueError where the run there is another one."""
-    plan, directory = planned(job, env, method), job.run_dir(env, method)
+    spec, directory = spec_of(job, env, method), job.run_dir(env, method)
     given = arguments(job, env, method)
     if overwrite:
         job.path(env, method).unlink(missing_ok=True)  # so that a cut run is continued and not skipped
@@ -121,7 +122,7 @@ def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = Fa
     line = command(job, env, method)
     try:
         result = train(
-            **given, run_dir=directory, resume=not overwrite, overwrite=overwrite, command=line, on_progress=reporter
+            **given, run_dir=directory, resume=not overwrite, overwrite=overwrite, command=line, recorders=[reporter]
         )
     finally:
         reporter.close()
@@ -131,9 +132,9 @@ def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = Fa
         "command": line,
         "commit": commit,
         "commits": commits,
-        "settings": settings_of(plan),
+        "settings": settings_of(spec),
         "alarms": result.alarms,
-        "curves": curves(result.history, plan.config.chunk),
+        "curves": curves(result.history, spec.config.checkpoint_every),
     }
     keep(job.path(env, method), cell)
     return cell
@@ -185,7 +186,7 @@ def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     before = flatten({"train": plain(asdict(TrainConfig()))})
     for (env, method), cell in cells.items():
-        here, there = flatten(settings_of(planned(job, env, method))), flatten(cell["settings"])
+        here, there = flatten(settings_of(spec_of(job, env, method))), flatten(renamed(cell["settings"]))
         for name in here | there:
             then = there.get(name, before.get(name))
             if here.get(name) != then:

@@ -62,7 +62,7 @@ def test_a_step_returns_a_state_of_the_types_it_was_given_or_a_chunk_would_compi
 
 @pytest.mark.parametrize("name", ["airl_centred", "bc"])
 def test_annealed_learning_rates_are_linear_and_end_at_zero(name):
-    env, config = tiny_grid(), replace(TINY, annealing=4)
+    env, config = tiny_grid(), replace(TINY, lr_decay_iterations=4)
     nets = make_networks(env, METHODS[name], config)
     for step, share in ((0, 1.0), (1, 0.75), (4, 0.0), (9, 0.0)):
         now = scheduled(nets, jnp.asarray(step)).config
@@ -70,19 +70,19 @@ def test_annealed_learning_rates_are_linear_and_end_at_zero(name):
         np.testing.assert_allclose(now.adversary.learning_rate, share * config.adversary.learning_rate, rtol=1e-6)
 
 
-@pytest.mark.parametrize("annealing", [0, 10])
-def test_the_policy_waits_and_the_adversary_does_not(annealing):
-    env, config = tiny_grid(), replace(TINY, waiting=2, annealing=annealing)
+@pytest.mark.parametrize("decay", [0, 10])
+def test_the_policy_waits_and_the_adversary_does_not(decay):
+    env, config = tiny_grid(), replace(TINY, policy_delay=2, lr_decay_iterations=decay)
     nets = make_networks(env, METHODS["airl_centred"], config)
     for step, moves in ((0, False), (1, False), (2, True), (9, True)):
         now = scheduled(nets, jnp.asarray(step)).config
-        left = 1.0 - step / annealing if annealing else 1.0
+        left = 1.0 - step / decay if decay else 1.0
         np.testing.assert_allclose(now.ppo.learning_rate, moves * left * config.ppo.learning_rate, rtol=1e-6)
         np.testing.assert_allclose(now.adversary.learning_rate, left * config.adversary.learning_rate, rtol=1e-6)
 
 
 def test_nothing_learns_once_the_learning_rates_are_annealed():
-    env, config = tiny_grid(), replace(TINY, annealing=1)
+    env, config = tiny_grid(), replace(TINY, lr_decay_iterations=1)
     trainer = make_trainer(env, METHODS["aircl_corrected"], config)
     expert = random_trajectories(env, 0, TINY.num_demonstrations)
     step = jax.jit(trainer.step, compiler_options=UNOPTIMISED)
@@ -100,7 +100,7 @@ def test_a_warm_start_is_a_clone_of_the_demonstrations_and_nothing_else():
     expert = random_trajectories(env, 0, TINY.num_demonstrations)
 
     def start(steps):
-        config = replace(TINY, warm_start=steps)
+        config = replace(TINY, clone_epochs=steps)
         state = jax.jit(make_trainer(env, method, config).init)(jax.random.key(0), expert)
         nets = make_networks(env, method, config)
         along = jax.vmap(nets.bind(state.params, state.obs_stats).log_pi)(expert)

@@ -26,7 +26,7 @@ from tests.worlds import TINY, random_trajectories, tiny_grid
 
 CONFIG = replace(TINY, adversary=AdversaryConfig(num_steps=1, replay_rate=1.0))
 METHOD = METHODS["aircl_corrected"]  # every part takes its turn
-POOL = CONFIG.num_trajectories * CONFIG.pool
+POOL = CONFIG.num_trajectories * CONFIG.pool_factor
 
 
 def assert_same(one: Any, other: Any) -> None:

@@ -17,7 +17,7 @@ from aircl_jax.demonstrations.soft_optimal import soft_value_iteration
 from aircl_jax.demonstrations.sources import demonstrations, tabular_reference
 from aircl_jax.model.networks import make_networks
 from aircl_jax.runs.result import Result
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from envs import SoftOptimalExpert, Tabular
 from tests.worlds import random_trajectories, table_of
 
@@ -30,16 +30,16 @@ CONFIG = {"num_trajectories": 6, "num_demonstrations": 5, "num_evaluation": 6, "
 def result() -> Result:
     """Two seeds with random weights; their demonstrations end at various steps."""
     given: Any = {"seeds": SEEDS, "first_seed": 0, "iterations": 1, "demonstrations": "default", "contrast_prior": "method"}
-    plan = make_plan("gridworld", "aircl_corrected_sa", env_settings=GRID, config=CONFIG, **given)
-    sets = [random_trajectories(plan.env, seed, 5) for seed in range(SEEDS)]
+    spec = make_spec("gridworld", "aircl_corrected_sa", env_settings=GRID, config=CONFIG, **given)
+    sets = [random_trajectories(spec.env, seed, 5) for seed in range(SEEDS)]
     expert = jax.tree.map(lambda *leaves: jnp.stack(leaves), *sets)
-    trainer = make_trainer(plan.env, plan.method, plan.config)
+    trainer = make_trainer(spec.env, spec.method, spec.config)
     states = jax.jit(jax.vmap(trainer.init))(jax.random.split(jax.random.key(0), SEEDS), expert)
     random = np.random.default_rng(1)
     params = jax.tree.map(lambda leaf: jnp.asarray(random.normal(size=leaf.shape), jnp.float32), states.params)
-    nets = make_networks(plan.env, plan.method, plan.config)
-    reference = random_trajectories(plan.env, 9, 7)
-    return Result({}, [], {}, plan, nets, states._replace(params=params), expert, reference, None)
+    nets = make_networks(spec.env, spec.method, spec.config)
+    reference = random_trajectories(spec.env, 9, 7)
+    return Result({}, [], {}, spec, nets, states._replace(params=params), expert, reference, None)
 
 
 def each_pair(of: Any) -> np.ndarray:
@@ -59,7 +59,7 @@ def mean_visits(table: Tabular, log_policy: np.ndarray) -> np.ndarray:
 
 @cache
 def maps() -> episodes.GridEvidence:
-    return episodes.gather_grid(result(), table_of(result().plan.env))
+    return episodes.gather_grid(result(), table_of(result().spec.env))
 
 
 def test_the_map_of_the_reward_is_that_of_every_cell_and_action():
@@ -69,7 +69,7 @@ def test_the_map_of_the_reward_is_that_of_every_cell_and_action():
 
 
 def test_the_map_of_the_feasibility_is_tested_at_the_settings_threshold():
-    nets, coefficients = result().networks, result().plan.config.coefficients
+    nets, coefficients = result().networks, result().spec.config.coefficients
     logit = each_pair(lambda state, obs, action: nets.bind(state.params, state.obs_stats).step_logit(obs, action))
     shifted = float(coefficients.sharpness) * (logit - np.log(float(coefficients.threshold)))
     np.testing.assert_allclose(maps().step_delta, np.maximum(1 / (1 + np.exp(-shifted)), np.exp(-10)), rtol=1e-3)
@@ -83,13 +83,13 @@ def test_the_map_of_visits_is_how_often_each_seeds_policy_is_in_a_cell(seed):
         return nets.bind(state.params, state.obs_stats).policy(jnp.eye(9)[cell], jnp.asarray(t)).log_prob(jnp.arange(4))
 
     expected = mean_visits(
-        table_of(result().plan.env), np.array([[log_policy(t, cell) for cell in range(9)] for t in range(4)])
+        table_of(result().spec.env), np.array([[log_policy(t, cell) for cell in range(9)] for t in range(4)])
     )
     np.testing.assert_allclose(maps().occupancy[seed], expected, rtol=1e-3, atol=1e-5)
 
 
 def test_the_experts_visits_are_those_of_the_constrained_expert_at_its_own_temperature():
-    table = table_of(result().plan.env)
+    table = table_of(result().spec.env)
     expert = soft_value_iteration(table, table.reward, 4, 2.0, forbid=True)
     np.testing.assert_allclose(maps().expert_occupancy, mean_visits(table, np.asarray(expert.log_policy)), rtol=1e-4, atol=1e-6)
 
@@ -116,11 +116,11 @@ def test_a_change_is_counted_as_often_as_the_demonstrations_have_it_before_their
     for n in range(5):
         for t in range(int(expert.mask[0, n].sum())):
             seen[int(expert.obs[0, n, t].argmax()), int(expert.action[0, n, t])] += 1
-    np.testing.assert_array_equal(recover(result(), table_of(result().plan.env)).seen, seen)
+    np.testing.assert_array_equal(recover(result(), table_of(result().spec.env)).seen, seen)
 
 
 def test_recovered_rewards_are_zero_on_average_over_the_demonstrations():
-    found = recover(result(), table_of(result().plan.env))
+    found = recover(result(), table_of(result().spec.env))
     np.testing.assert_allclose((found.reward * found.seen).sum(axis=(1, 2)), 0.0, atol=1e-3)
     np.testing.assert_allclose(found.reward - found.reward[:, :1, :1], maps().reward - maps().reward[:, :1, :1], atol=1e-4)
 
@@ -130,7 +130,7 @@ def straight() -> Any:
     """The grid without slip, whose expert hardly errs."""
     given: Any = {"seeds": 3, "first_seed": 5, "iterations": 1, "demonstrations": "default", "contrast_prior": "method"}
     world = GRID | {"slip": 0.0, "temperature": 0.5}
-    return make_plan("gridworld", "airl", env_settings=world, config=CONFIG | {"num_demonstrations": 40}, **given)
+    return make_spec("gridworld", "airl", env_settings=world, config=CONFIG | {"num_demonstrations": 40}, **given)
 
 
 def test_demonstrations_of_a_grid_are_clean_and_each_seeds_own():

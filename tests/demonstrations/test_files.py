@@ -6,7 +6,7 @@ import pytest
 
 from aircl_jax import api
 from aircl_jax.demonstrations import files
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from envs import Box, Env, make_env
 from tests.worlds import TINY, tiny_grid
 
@@ -109,7 +109,7 @@ def test_the_reference_set_beside_a_file_counts_where_the_world_has_none(shipped
     if shipped:
         obs, action = (np.concatenate([array] * 2) for array in (arrays()["obs"], arrays()["action"]))
         np.savez(tmp_path / "mine_reference.npz", obs=obs, action=action, cost=cost)
-    plan = make_plan(
+    spec = make_spec(
         replace(GRID, tabular=None, has_reward=False),
         "aircl_corrected",
         contrast_prior="method",
@@ -120,7 +120,7 @@ def test_the_reference_set_beside_a_file_counts_where_the_world_has_none(shipped
         env_settings={},
         config=TINY,
     )
-    expert, reference = api._demonstrations(plan)
+    expert, reference = api._demonstrations(spec)
     assert expert.obs.shape == (2, N, T, O)
     assert len(reference.cost) == (2 * N if shipped else N)
     assert np.array_equal(reference.cost, cost) == shipped

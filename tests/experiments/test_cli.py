@@ -14,7 +14,7 @@ from tests.worlds import command_module
 TINY = [
     *("scale=smoke", "method=airl", "iterations=2"),
     *("env.size=3", "env.goal=[2,2]", "env.obstacles=[[1,1]]", "env.horizon=4"),
-    *("train.num_trajectories=4", "train.num_demonstrations=4", "train.num_evaluation=10", "train.pool=1"),
+    *("train.num_trajectories=4", "train.num_demonstrations=4", "train.num_evaluation=10", "train.pool_factor=1"),
     "train.hidden=[4]",
 ]
 OWN = {"config.yaml", "metrics.jsonl", "timing.jsonl", "state", "summary.json", "report.md", "figures"}
@@ -58,14 +58,14 @@ def refused(arguments: str, capsys) -> str:
         ("env.obstacles=[[5,5]]", "covers the goal"),
         ("env.obstacles=[[9,9]]", "is not a cell"),
         ("env.obstacles=[[0,1],[1,0]]", "no clean path"),
-        ("train.chunk=0", "train.chunk=0"),
+        ("train.checkpoint_every=0", "train.checkpoint_every=0"),
         ("train.hidden=[]", "train.hidden names no layer"),
         ("train.coefficients.sharpness=0", "train.coefficients.sharpness=0.0 is not above 0"),
         ("train.coefficients.false_alarms=2", "train.coefficients.false_alarms=2.0 is more than 1"),
         ("train.ppo.learning_rate=-1", "train.ppo.learning_rate=-1.0 is negative"),
         ("train.ppo.learning_rate=nan", "train.ppo.learning_rate=nan is not a number"),
         ("train.ppo.log_std_min=1", "train.ppo.log_std_init=-0.7 is not between log_std_min=1.0 and log_std_max=0.0"),
-        ("train.waiting=9 train.annealing=9", "train.waiting=9 is not less than annealing=9"),
+        ("train.policy_delay=9 train.lr_decay_iterations=9", "train.policy_delay=9 is not less than lr_decay_iterations=9"),
         ("first_seed=4294967296", "choose seeds below 2147483646"),
         ("env=swimmer train.num_demonstrations=51", "train.num_demonstrations=51: env=swimmer ships 50"),
         ("contrast_prior=maybe", "contrast_prior=maybe is not one of method, on, off"),

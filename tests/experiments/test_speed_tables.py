@@ -47,7 +47,10 @@ def test_throughput_is_that_of_a_run_whose_second_chunk_is_timed(monkeypatch):
     settings = benchmark.Settings(env="swimmer", chunk=3, epochs=2, integrator="rk4")
     assert benchmark.throughput(settings, 4) == (1234.0, 5.0)
     assert (asked["env"], asked["seeds"], asked["iterations"]) == ("swimmer", 4, 2 * 3)
-    assert (asked["env_settings"], asked["config"]) == ({"integrator": "rk4"}, {"chunk": 3, "ppo": {"num_epochs": 2}})
+    assert (asked["env_settings"], asked["config"]) == (
+        {"integrator": "rk4"},
+        {"checkpoint_every": 3, "ppo": {"num_epochs": 2}},
+    )
 
 
 def test_a_timing_is_the_median_of_five_after_the_compilation(monkeypatch):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aircl_jax import train
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from aircl_jax.runs.sweep import sweep
 from experiments import sweeps
 
@@ -13,21 +13,21 @@ CONFIG = {
     "num_demonstrations": 5,
     "num_evaluation": 10,
     "hidden": [4],
-    "chunk": 2,
+    "checkpoint_every": 2,
     "ppo": {"num_epochs": 1},
     "adversary": {"num_steps": 2},
 }
 GRID = {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4}
 
 
-def plan(**changed):
+def spec(**changed):
     given = {"iterations": 3, "seeds": 2, "env_settings": GRID, "config": CONFIG}
     rest = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "default"}
-    return make_plan("gridworld", "aircl_corrected_sa", **given | rest | changed)
+    return make_spec("gridworld", "aircl_corrected_sa", **given | rest | changed)
 
 
 def test_every_value_of_a_sweep_is_the_run_with_that_coefficient():
-    found = sweep(plan(), "threshold", [0.2, 0.9])
+    found = sweep(spec(), "threshold", [0.2, 0.9])
     assert found["violation_rate_policy"].shape == (2, 2)
     for place, value in enumerate((0.2, 0.9)):
         config = CONFIG | {"coefficients": {"threshold": value}}
@@ -40,11 +40,11 @@ def test_every_value_of_a_sweep_is_the_run_with_that_coefficient():
 
 def test_unknown_coefficients_and_no_values_are_refused():
     with pytest.raises(ValueError, match="coefficient=phi is unknown; choose from contrast_coef"):
-        sweep(plan(), "phi", [0.1])
+        sweep(spec(), "phi", [0.1])
     with pytest.raises(ValueError, match="values is empty"):
-        sweep(plan(), "threshold", [])
+        sweep(spec(), "threshold", [])
     with pytest.raises(ValueError, match=r"threshold=0\.0 is not above 0"):
-        sweep(plan(), "threshold", [0.3, 0.0])
+        sweep(spec(), "threshold", [0.3, 0.0])
 
 
 def test_a_finished_sweep_is_written_and_not_trained_again(tmp_path, capsys):

@@ -71,8 +71,8 @@ def test_a_setting_of_the_world_or_of_training_is_changed_where_it_belongs(of, m
 
 
 def test_a_coefficient_is_swept_in_one_program(monkeypatch):
-    def swept(plan, name, values):
-        assert (plan.method_name, list(plan.seeds), plan.config.iterations) == ("aircl", [0, 1, 2], 7)
+    def swept(spec, name, values):
+        assert (spec.method_name, list(spec.seeds), spec.config.iterations) == ("aircl", [0, 1, 2], 7)
         return {"goal_rate": np.array([[len(name), value, np.inf] for value in values])}
 
     monkeypatch.setattr(sweeps, "sweep", swept)

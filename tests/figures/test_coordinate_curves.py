@@ -48,10 +48,10 @@ def test_a_curve_is_drawn_less_its_mean_over_the_demonstrations_for_every_seed_a
     one = random_trajectories(env, 0, 4)
     action = np.array([[[-1.0, 0.5]], [[0.0, 0.5]], [[1.0, 0.5]], [[4.0, 0.5]]])  # the last is clipped
     expert = one._replace(action=np.tile(action, (2, 1, 1, 1)), obs=np.tile(one.obs, (2, 1, 1, 1)), mask=np.ones((2, 4, 1)))
-    plan = replace(full.plan, env=env, method=method, env_settings={"constraint": "torque", "limit": 0.25})
+    spec = replace(full.spec, env=env, method=method, env_settings={"constraint": "torque", "limit": 0.25})
     monkeypatch.setattr(coordinate_contributions, "curves_of", lambda nets, state, points: state.step * points)
     states = full.states._replace(step=jnp.array([1.0, 3.0]))
-    result = replace(full, networks=nets, plan=plan, expert=expert, states=states)
+    result = replace(full, networks=nets, spec=spec, expert=expert, states=states)
     drawing = by_coordinate(result, contributions(result, expert))
     torque, other = drawing.figure.axes
     assert [axis.get_xlabel() for axis in drawing.figure.axes] == list(env.motor_names)

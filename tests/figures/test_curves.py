@@ -99,7 +99,7 @@ def test_the_lines_of_a_panel_are_named_by_what_they_are_of():
 
 
 def test_the_samplers_curves_are_left_out_where_it_is_the_policy():
-    axis = panel(drawn(learning_curves, replace(untrained("aircl_corrected"), plan=untrained("airl").plan)), "violations")
+    axis = panel(drawn(learning_curves, replace(untrained("aircl_corrected"), spec=untrained("airl").spec)), "violations")
     assert lines(axis, ORANGE) == []
     assert len(lines(axis, BLUE)) == 3
 

@@ -46,10 +46,10 @@ def test_a_notebook_shows_a_figure_as_a_picture():
 
 def test_a_run_without_a_feasibility_draws_none(monkeypatch):
     full, airl = untrained("aircl_corrected"), get_method("airl")
-    plan = replace(full.plan, method=airl)
+    spec = replace(full.spec, method=airl)
     found = episodes.gather(full)
     monkeypatch.setattr(episodes, "gather", lambda result: found)
-    assert drawings(replace(full, plan=plan)).keys() == {"learning_curves", "reward", "occupancy", "paths", "losses"}
+    assert drawings(replace(full, spec=spec)).keys() == {"learning_curves", "reward", "occupancy", "paths", "losses"}
 
 
 def test_a_known_reward_and_a_clone_have_no_learned_reward_to_draw():
@@ -78,7 +78,7 @@ def test_what_no_seed_measures_is_named_apart_and_not_tabled():
 
 def test_the_exact_occupancies_are_shares_of_the_timesteps():
     result = untrained("aircl_corrected")
-    table = result.plan.env.tabular
+    table = result.spec.env.tabular
     assert table is not None
     maps = episodes.gather_grid(result, table)
     np.testing.assert_allclose(maps.expert_occupancy.sum(), 1.0, rtol=1e-5)
@@ -88,7 +88,7 @@ def test_the_exact_occupancies_are_shares_of_the_timesteps():
 
 def test_the_maps_hold_the_learned_reward():
     result = untrained("aircl_corrected")
-    table = result.plan.env.tabular
+    table = result.spec.env.tabular
     assert table is not None
     maps = episodes.gather_grid(result, table)
     assert maps.reward[1, 3, 2] == pytest.approx(float(result.reward(table.obs[3], jnp.asarray(2), index=1)), abs=1e-6)
@@ -150,10 +150,10 @@ def test_a_robots_actions_are_drawn_as_clipped_with_the_limit():
     robot = replace(
         one_state_env(lambda t, action: 0.0 * t, horizon=4, action_space=Box(2)), limit=Limit("torque", 0.5, "actions")
     )
-    plan = replace(full.plan, env=robot)
+    spec = replace(full.spec, env=robot)
     found = random_trajectories(robot, 0, 6)._replace(action=jnp.asarray(random.normal(size=(6, 4, 2)) * 3))
     actions, observations = step_histograms.draw(
-        replace(full, plan=plan, expert=found), episodes.Evidence(found, found, np.ones((2, 3)), np.ones((2, 3)))
+        replace(full, spec=spec, expert=found), episodes.Evidence(found, found, np.ones((2, 3)), np.ones((2, 3)))
     )
     assert len(actions.figure.axes) == 2
     assert len(observations.figure.axes) == robot.obs_size

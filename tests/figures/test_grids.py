@@ -85,9 +85,9 @@ def test_a_cells_number_stands_in_its_row_and_column():
 
 def test_the_rewards_are_centred_on_what_is_visited_and_the_learned_ones_are_means_over_seeds():
     result, given = untrained("aircl_corrected"), maps()
-    drawing = drawn(cells.reward_maps, result, LAYOUT, table_of(result.plan.env), given)
+    drawing = drawn(cells.reward_maps, result, LAYOUT, table_of(result.spec.env), given)
     weight = (given.expert_occupancy + given.occupancy.mean(axis=0)) / 2
-    true = np.asarray(table_of(result.plan.env).reward)[:CELLS]
+    true = np.asarray(table_of(result.spec.env).reward)[:CELLS]
     true_map, learned_map = [
         next(one for one in axis.collections if isinstance(one, PolyCollection)) for axis in drawing.figure.axes[:2]
     ]
@@ -101,7 +101,7 @@ def test_the_rewards_are_centred_on_what_is_visited_and_the_learned_ones_are_mea
 
 def test_the_triangles_of_a_cell_are_its_moves_up_right_down_and_left():
     result = untrained("aircl_corrected")
-    drawing = drawn(cells.reward_maps, result, LAYOUT, table_of(result.plan.env), maps())
+    drawing = drawn(cells.reward_maps, result, LAYOUT, table_of(result.spec.env), maps())
     triangles = next(one for one in drawing.figure.axes[0].collections if isinstance(one, PolyCollection)).get_paths()
     middles = np.array([np.asarray(path.vertices)[:3].mean(axis=0) for path in triangles[4 * 5 : 4 * 6]]) - [2, 1]  # cell 5
     np.testing.assert_allclose(middles, np.array([[0, -1], [1, 0], [0, 1], [-1, 0]]) / 3, atol=1e-9)  # y goes down
@@ -109,7 +109,7 @@ def test_the_triangles_of_a_cell_are_its_moves_up_right_down_and_left():
 
 def test_the_constraint_is_1_where_it_allows_and_the_learned_one_its_mean():
     result, given = untrained("aircl_corrected"), maps()
-    table = table_of(result.plan.env)
+    table = table_of(result.spec.env)
     drawing = drawn(cells.feasibility_maps, result, LAYOUT, table, given, found())
     true, learned = drawing.figure.axes[:2]
     assert "δ₁ of each cell" in drawing.caption
@@ -192,7 +192,7 @@ def heights(axis: Axes, colour: str) -> np.ndarray:
 def test_a_robots_histograms_are_of_unmasked_steps_the_demonstrations_black_and_the_policy_blue():
     full = untrained("aircl_corrected")
     robot = replace(one_state_env(lambda t, action: 0.0 * t, horizon=4, action_space=Box(2)), name="swimmer")
-    plan = replace(full.plan, env=robot, env_settings={"constraint": "position", "limit": "default"})
+    spec = replace(full.spec, env=robot, env_settings={"constraint": "position", "limit": "default"})
 
     def episodes(first: float, second: float) -> Any:
         """Of two coordinates at these places; beyond the mask they are elsewhere."""
@@ -203,7 +203,7 @@ def test_a_robots_histograms_are_of_unmasked_steps_the_demonstrations_black_and_
 
     expert, policy = episodes(0.0, 0.2), episodes(1.0, 0.2)
     delta = np.ones((2, 3))
-    given = replace(full, plan=plan, expert=expert), Evidence(policy, policy, delta, delta)
+    given = replace(full, spec=spec, expert=expert), Evidence(policy, policy, delta, delta)
     with mpl.rc_context(STYLE):
         _, observations = step_histograms.draw(*given)
     first, second, *others = observations.figure.axes

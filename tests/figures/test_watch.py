@@ -25,13 +25,20 @@ from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import open_run
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import seed_keys
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from envs.robots.constraints import CONSTRAINTS, Constraint
 from experiments import figure3
 from experiments.watch import main
 from tests.worlds import UNOPTIMISED
 
-SMALL = {"num_trajectories": 2, "num_demonstrations": 2, "num_evaluation": 2, "pool": 1, "hidden": [4], "chunk": 1}
+SMALL = {
+    "num_trajectories": 2,
+    "num_demonstrations": 2,
+    "num_evaluation": 2,
+    "pool_factor": 1,
+    "hidden": [4],
+    "checkpoint_every": 1,
+}
 SCRIPT = re.compile(r'<script id="data" type="application/json">(.*?)</script>\s*<script>(.*?)</script>', re.DOTALL)
 # As much of a browser as the page's script needs; the page is then asked for the last violating step.
 BROWSER = """
@@ -64,7 +71,7 @@ console.log(JSON.stringify({ ...shown, texts, ends: point(one, 0, 1, 1) }));
 def run_dir(tmp_path_factory) -> Path:
     """What a run on the pendulum leaves, of two seeds that have learned nothing: it falls, and violates."""
     path = tmp_path_factory.mktemp("runs") / "pendulum"
-    plan = make_plan(
+    spec = make_spec(
         "pendulum",
         "aircl_corrected",
         contrast_prior="method",
@@ -75,14 +82,14 @@ def run_dir(tmp_path_factory) -> Path:
         env_settings={},
         config=SMALL,
     )
-    expert, _ = sources.demonstrations(plan.env, plan.seeds, plan.config)
-    init = jax.jit(jax.vmap(make_trainer(plan.env, plan.method, plan.config).init), compiler_options=UNOPTIMISED)
-    directory = open_run(path, plan.settings, chunk=1)
+    expert, _ = sources.demonstrations(spec.env, spec.seeds, spec.config)
+    init = jax.jit(jax.vmap(make_trainer(spec.env, spec.method, spec.config).init), compiler_options=UNOPTIMISED)
+    directory = open_run(path, spec.settings, chunk=1)
     with directory.held():
         directory.append_metrics([{"return": np.array([1.0, 2.0])}])
-        directory.save(init(seed_keys(plan.seeds), expert), iteration=1, chunk=1)
+        directory.save(init(seed_keys(spec.seeds), expert), iteration=1)
         directory.append_timing({"iteration": 1, "env_steps": 400, "first": True, "seconds": 1.0, "compile_s": 0.5})
-        directory.write_summary(summarise(plan, {"return": np.array([1.0, 2.0])}, directory.timing()))
+        directory.write_summary(summarise(spec, {"return": np.array([1.0, 2.0])}, directory.timing()))
     return path
 
 
@@ -98,7 +105,7 @@ def scene(result) -> robot_scene.Scene:
 
 def test_a_loaded_run_is_what_training_left(run_dir, result):
     assert result.summary == json.loads((run_dir / "summary.json").read_text())
-    assert result.plan.settings == yaml.safe_load((run_dir / "config.yaml").read_text())
+    assert result.spec.settings == yaml.safe_load((run_dir / "config.yaml").read_text())
     assert result.states.params.policy["params"]["log_std"].shape == (2, 1)
     assert result.history["return"].tolist() == [[1.0, 2.0]]
 
@@ -146,13 +153,13 @@ def test_a_side_is_said_by_the_rewards_and_costs_of_its_own_unmasked_steps(scene
 
 
 def test_the_steps_after_an_early_end_count_for_nothing(result):
-    settings = result.plan.env_settings
+    settings = result.spec.env_settings
     one = jax.tree.map(lambda leaf: np.array(leaf[0, :1]), result.expert)
     one.mask[:, 4:], one.cost[:], one.reward[:] = 0, 1, 1
     one.cost[:, :3] = 0
     judged = np.ones(one.mask.shape, np.float32), np.ones(1, np.float32)
     body = make_body("pendulum", settings)
-    quantity = robot_scene._quantity(result.plan.env.limit, body)
+    quantity = robot_scene._quantity(result.spec.env.limit, body)
     side = robot_scene._side("expert", result, body, quantity, one, jax.tree.map(jnp.asarray, judged))
     assert (side.length.tolist(), side.returns.tolist(), side.violation_rate.tolist()) == ([4], [4.0], [0.25])
 

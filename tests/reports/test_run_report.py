@@ -7,7 +7,7 @@ import pytest
 
 from aircl_jax.reports import run_report
 from aircl_jax.reports.summary import summarise
-from aircl_jax.runs.loop import Progress
+from experiments.cli import progress
 from experiments.cli.progress import Reporter
 from tests.finished_runs import untrained
 
@@ -20,7 +20,7 @@ TIMING = [
 
 def summary(timing: list[dict[str, Any]] = TIMING) -> dict[str, Any]:
     final = {"return": np.array([1.0, 3.0]), "violation_rate": np.array([0.5, np.nan]), "rc_acc": np.array([np.nan] * 2)}
-    return summarise(untrained("airl").plan, final, timing)
+    return summarise(untrained("airl").spec, final, timing)
 
 
 def test_the_speed_is_that_of_the_chunks_after_the_first_without_compiling():
@@ -32,7 +32,7 @@ def test_the_speed_is_that_of_the_chunks_after_the_first_without_compiling():
 
 @pytest.mark.parametrize(("method", "pools"), [("airl", 1), ("aircl_corrected", 2)])
 def test_the_steps_are_those_of_all_iterations_and_seeds(method, pools):
-    found = summarise(untrained(method).plan, {"return": np.array([1.0, 3.0])}, TIMING)
+    found = summarise(untrained(method).spec, {"return": np.array([1.0, 3.0])}, TIMING)
     assert found["env_steps"] == 4 * 2 * 6 * pools * 5  # iterations, seeds, episodes, pools where q draws from them, steps
 
 
@@ -59,15 +59,24 @@ def test_the_end_says_how_long_it_took_and_how_fast_it_was():
     assert "Undefined here: rc_acc." in text
 
 
-def test_a_line_of_progress_has_speed_time_left_and_the_first_three_measures(capsys):
-    metrics = {"balanced_acc": 0.75, "return": 12.3456, "goal_rate": float("nan"), "violation_rate": 0.01234, "entropy": 1.0}
-    Reporter("a run")(Progress(20, 20, 12_345.6, 65.2, metrics))
-    assert capsys.readouterr().out == (
-        "iteration 20/20  12,346 env steps/s  1:05 left  violation_rate 0.0123  return 12.3  balanced_acc 0.75\n"
+def lines_of(chunks: int, row: dict[str, np.ndarray]) -> Reporter:
+    """A run of ten iterations a chunk, each chunk 500 steps in 11 s, one of which compiles."""
+    reporter = Reporter("a run")
+    reporter.on_start(0, 30)
+    for chunk in range(1, chunks + 1):
+        reporter.on_chunk(10 * chunk, None, [row], {"env_steps": 500, "seconds": 11.0, "compile_s": 1.0})
+    return reporter
+
+
+def test_a_line_of_progress_has_speed_time_left_and_the_first_three_measures(capsys, monkeypatch):
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    both = {"balanced_acc": [0.5, 1.0], "return": [12.0, 13.0], "goal_rate": [np.nan, 1.0], "violation_rate": [0.0, 0.0246]}
+    lines_of(2, {name: np.array(seeds) for name, seeds in both.items()} | {"entropy": np.ones(2)})
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "iteration 20/30  50 env steps/s  0:10 left  violation_rate 0.0123  return 12.5  balanced_acc 0.75"
     )
 
 
-@pytest.mark.parametrize(("speed", "left"), [(None, 3.0), (100.0, None)])
-def test_speed_and_time_left_are_not_said_before_they_are_known(speed, left, capsys):
-    Reporter("a run")(Progress(1, 1, speed, left, {"return": 1.0}))
-    assert capsys.readouterr().out == "iteration 1/1  return 1\n"
+def test_speed_and_time_left_are_not_said_before_a_chunk_has_run_without_compiling(capsys):
+    lines_of(1, {"return": np.array([1.0])})
+    assert capsys.readouterr().out.splitlines()[-1] == "iteration 10/30  return 1"

@@ -24,9 +24,9 @@ SETTINGS = {
         "num_trajectories": 6,
         "num_demonstrations": 5,
         "num_evaluation": 10,
-        "pool": 2,
+        "pool_factor": 2,
         "hidden": [4, 3],
-        "chunk": CHUNK,
+        "checkpoint_every": CHUNK,
         "ppo": {"num_epochs": 1, "minibatch_size": 24},
         "adversary": {"num_steps": 1},
     },
@@ -36,7 +36,8 @@ SCRIPT = """
 import json, os, signal, sys
 from aircl_jax import runtime
 runtime.prepare(devices=2)
-from aircl_jax import checkpoint, runs, train
+from aircl_jax import train
+from aircl_jax.runs import checkpoint, directory as runs
 
 moment, settings = sys.argv[1], json.loads(sys.argv[2])
 
@@ -48,10 +49,11 @@ def half_a_line(self, rows):
         file.write('{"half": [1.')
     die()
 
-if moment == "compiling":
-    settings["on_progress"] = die
-elif moment == "between_chunks":
-    settings["on_progress"] = lambda progress: progress.metrics and die()
+class Dying:
+    on_start, on_chunk = (die, None) if moment == "compiling" else (lambda *_: None, die)
+
+if moment in ("compiling", "between_chunks"):
+    settings["recorders"] = [Dying()]
 elif moment == "while_logging":
     runs.RunDirectory.append_metrics = half_a_line
 elif moment == "before_the_rename":
@@ -91,13 +93,14 @@ def test_a_longer_run_has_the_bytes_of_one_that_was_meant_to_be_longer(uninterru
 
 
 def test_an_interrupt_waits_for_the_chunk_and_saves_it(tmp_path):
-    def interrupt(progress):
-        if progress.iteration == CHUNK:
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.01)
+    class Interrupting:
+        def on_chunk(self, iteration, states, rows, timing):
+            if iteration == CHUNK:
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(0.01)
 
     with pytest.raises(KeyboardInterrupt):
-        train(**SETTINGS, iterations=ITERATIONS, run_dir=tmp_path, on_progress=interrupt)
+        train(**SETTINGS, iterations=ITERATIONS, run_dir=tmp_path, recorders=[Interrupting()])
     assert [path.name for path in (tmp_path / STATE).iterdir()] == [f"{CHUNK:08d}"]
 
 

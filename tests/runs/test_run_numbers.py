@@ -10,8 +10,9 @@ import pytest
 from aircl_jax.reports.alarms import ALARMS, alarms
 from aircl_jax.reports.summary import statistics, summarise
 from aircl_jax.runs import loop
+from aircl_jax.runs.recorder import Memory
 from aircl_jax.runs.seeds import Runner
-from aircl_jax.runs.spec import make_plan
+from aircl_jax.runs.spec import make_spec
 from aircl_jax.types import TrainState
 from tests.worlds import random_trajectories, tiny_grid
 
@@ -23,9 +24,9 @@ def timing(first: bool, env_steps: int, seconds: float, compile_s: float) -> dic
 def summary(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     given = {"seeds": 3, "first_seed": 4, "iterations": 20, "demonstrations": "default", "contrast_prior": "method"}
     settings = {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4}
-    config = {"num_trajectories": 5, "pool": 2}
-    plan = make_plan("gridworld", "aircl_corrected", env_settings=settings, config=config, **given)
-    return summarise(plan, {"return": np.array([1.0, 2.0, 6.0])}, lines)
+    config = {"num_trajectories": 5, "pool_factor": 2}
+    spec = make_spec("gridworld", "aircl_corrected", env_settings=settings, config=config, **given)
+    return summarise(spec, {"return": np.array([1.0, 2.0, 6.0])}, lines)
 
 
 # Two sessions: the first chunk of each compiles.
@@ -74,17 +75,17 @@ class Clock(loop.Stopwatch):
         return {"seconds": 10.0, "compile_s": 1.0}
 
 
-def sit(start: int, iterations: int, chunk: int) -> tuple[loop.Session, list[loop.Progress]]:
-    """A session whose state counts the iterations, which are also its only metric."""
+def sit(start: int, iterations: int, chunk: int) -> tuple[Memory, Any]:
+    """A session whose state counts the iterations, which are also its only metric; and its evaluation."""
 
     def run_chunk(state: TrainState, expert: Any, length: int) -> Any:
         at = int(state.step) + 1.0 + np.arange(length)[:, None] * np.ones(2)
         return state._replace(step=state.step + length), {"at": at}
 
-    told: list[loop.Progress] = []
     nothing = cast(Any, None)
     counting = TrainState(nothing, None, None, nothing, nothing, nothing, jnp.asarray(start, jnp.int32))
-    _, done = loop.run_session(
+    memory = Memory()
+    _, evaluation = loop.run_session(
         Runner(init=nothing, run_chunk=run_chunk),
         counting,
         random_trajectories(tiny_grid(), 0, 1),
@@ -93,34 +94,24 @@ def sit(start: int, iterations: int, chunk: int) -> tuple[loop.Session, list[loo
         chunk=chunk,
         evaluate=lambda state: {"judged_at": int(state.step) + np.array([0.0, 2.0])},
         env_steps=100,
-        directory=None,
         stopwatch=Clock(),
-        on_progress=told.append,
+        recorders=[memory],
     )
-    return done, told
+    return memory, evaluation
 
 
 def test_a_chunk_is_timed_by_its_own_steps_and_only_the_first_of_a_session_is_called_so():
     done, _ = sit(start=3, iterations=9, chunk=4)
-    lines = [(line["iteration"], line["env_steps"], line["first"]) for line in done.timing]
+    lines = [(line["iteration"], line["env_steps"], line["first"]) for line in done.timing()]
     assert lines == [(4, 100, True), (8, 400, False), (9, 100, False)]
 
 
 def test_the_row_of_each_iteration_is_its_own_and_a_whole_chunks_last_one_has_the_evaluation():
-    done, _ = sit(start=3, iterations=9, chunk=4)
+    done, evaluation = sit(start=3, iterations=9, chunk=4)
     assert [row["at"][0] for row in done.rows] == [4, 5, 6, 7, 8, 9]
     judged = [(int(row["at"][0]), row["judged_at"].tolist()) for row in done.rows if "judged_at" in row]
     assert judged == [(4, [4, 6]), (8, [8, 10])]
-    assert done.evaluation["judged_at"].tolist() == [9, 11]
-
-
-def test_progress_tells_the_speed_and_the_time_left_of_the_chunks_that_did_not_compile():
-    _, told = sit(start=0, iterations=12, chunk=4)
-    assert [one.iteration for one in told] == [0, 4, 8, 12]
-    assert (told[1].env_steps_per_s, told[1].seconds_left) == (None, None)
-    assert told[2].env_steps_per_s == pytest.approx(400 / 9)
-    assert told[2].seconds_left == pytest.approx(4 * 9 / 4)
-    assert told[2].metrics == {"at": 8.0, "judged_at": 9.0}
+    assert evaluation["judged_at"].tolist() == [9, 11]
 
 
 @pytest.mark.parametrize(

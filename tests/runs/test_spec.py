@@ -1,10 +1,10 @@
-"""What a run is made of: its settings are enough to plan it again, or it says that they are not."""
+"""What a run is made of: its settings are enough to make it again, or it says that they are not."""
 
 import jax.numpy as jnp
 import pytest
 
 from aircl_jax import Result, train
-from aircl_jax.runs.spec import make_plan, planned
+from aircl_jax.runs.spec import make_spec, read_spec
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs import make_env
@@ -14,27 +14,27 @@ SIMULATED = {"data": "simulated"}
 
 
 @pytest.mark.parametrize(("env", "settings"), [("gridworld", {"slip": 0.1}), ("meerkat", SIMULATED), ("labyrinth", SIMULATED)])
-def test_a_plan_is_made_again_from_its_settings(env, settings):
-    plan = make_plan(env, "aircl_corrected", env_settings=settings, config={}, **GIVEN)
-    assert planned(plan.settings).settings == plan.settings
+def test_a_spec_is_read_from_its_settings(env, settings):
+    spec = make_spec(env, "aircl_corrected", env_settings=settings, config={}, **GIVEN)
+    assert read_spec(spec.settings).settings == spec.settings
 
 
 def test_recorded_demonstrations_that_have_changed_are_noticed():
-    plan = make_plan("labyrinth", "bc", env_settings=SIMULATED, config={}, **GIVEN)
-    part = make_plan("labyrinth", "bc", env_settings=SIMULATED | {"split": "train"}, config={}, **GIVEN)
-    assert plan.settings["demonstrations"] != part.settings["demonstrations"]
+    spec = make_spec("labyrinth", "bc", env_settings=SIMULATED, config={}, **GIVEN)
+    part = make_spec("labyrinth", "bc", env_settings=SIMULATED | {"split": "train"}, config={}, **GIVEN)
+    assert spec.settings["demonstrations"] != part.settings["demonstrations"]
     with pytest.raises(ValueError, match="demonstrations=default is not what the run had: the content has changed"):
-        planned(plan.settings | {"demonstrations": part.settings["demonstrations"]})
+        read_spec(spec.settings | {"demonstrations": part.settings["demonstrations"]})
 
 
 def test_an_environment_of_ones_own_is_no_named_one():
     env = make_env("gridworld", slip=0.3)
-    plan = make_plan(env, "airl", env_settings={}, config={}, **GIVEN)
-    assert plan.settings["env"] == {"name": "gridworld", "own": True}
+    spec = make_spec(env, "airl", env_settings={}, config={}, **GIVEN)
+    assert spec.settings["env"] == {"name": "gridworld", "own": True}
     with pytest.raises(ValueError, match="env=gridworld was given as an Env, which a run does not keep"):
-        planned(plan.settings)
+        read_spec(spec.settings)
     with pytest.raises(ValueError, match="env_settings are given beside the Env gridworld"):
-        make_plan(env, "airl", env_settings={"slip": 0.1}, config={}, **GIVEN)
+        make_spec(env, "airl", env_settings={"slip": 0.1}, config={}, **GIVEN)
 
 
 def test_a_feasibility_of_actions_alone_is_refused_before_a_wall():
@@ -42,22 +42,22 @@ def test_a_feasibility_of_actions_alone_is_refused_before_a_wall():
         asked = {"env_settings": {"constraint": "position"}, "config": {}, **GIVEN}
         if refused:
             with pytest.raises(ValueError, match="constraint_input=action: the constraint of env=walker reads states alone"):
-                make_plan("walker", method, **asked)
+                make_spec("walker", method, **asked)
             asked["config"] = {"constraint_input": "env"}
-        assert make_plan("walker", method, **asked).env.constraint_input == "state"
+        assert make_spec("walker", method, **asked).env.constraint_input == "state"
 
 
 def test_a_simulated_world_has_the_settings_of_its_kind():
-    plan = make_plan(make_env("meerkat", **SIMULATED), "aircl_corrected", env_settings={}, config={}, **GIVEN)
-    assert plan.config.warm_start == default_config("meerkat", "tuned").warm_start > TrainConfig().warm_start
+    spec = make_spec(make_env("meerkat", **SIMULATED), "aircl_corrected", env_settings={}, config={}, **GIVEN)
+    assert spec.config.clone_epochs == default_config("meerkat", "tuned").clone_epochs > TrainConfig().clone_epochs
 
 
 @pytest.mark.parametrize("method", ["bc", "gacl"])
 def test_a_method_without_a_learned_reward_has_none_to_ask_for(method):
-    quick = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "chunk": 1}
+    quick = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "checkpoint_every": 1}
     result: Result = train("gridworld", method, seeds=1, iterations=1, config=quick)
     with pytest.raises(ValueError, match=f"method={method} learns no reward"):
-        result.reward(jnp.zeros(result.plan.env.obs_size), jnp.asarray(0))
+        result.reward(jnp.zeros(result.spec.env.obs_size), jnp.asarray(0))
 
 
 @pytest.mark.parametrize(
@@ -71,4 +71,4 @@ def test_a_method_without_a_learned_reward_has_none_to_ask_for(method):
 )
 def test_a_configuration_that_cannot_work_is_refused(config, words):
     with pytest.raises(ValueError, match=words):
-        make_plan("gridworld", "airl", env_settings={}, config=config, **{**GIVEN, "iterations": "default"})
+        make_spec("gridworld", "airl", env_settings={}, config=config, **{**GIVEN, "iterations": "default"})

@@ -21,7 +21,7 @@ def discriminator(method: Method, config: TrainConfig, coefficients: Coefficient
 
 
 def feasibility_gradient(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
-    """Eq. 12: −E_S[c(τ) δ̄] + E_P[δ̄] − α (Eq. 10 at λ = 1), c = π / (1 + exp(f)/π) held constant and clipped.
+    """Eq. 12: −E_S[c(τ) δ̄] + E_P[δ̄] (Eq. 10 at λ = 1, without its constant α), c = π / (1 + exp(f)/π) constant and clipped.
 
     In log space log c = log π + log σ(log π − f). As printed; docs/equations.md says why it collapses.
     """
@@ -31,7 +31,7 @@ def feasibility_gradient(method: Method, config: TrainConfig, coefficients: Coef
     coefficient = jax.lax.stop_gradient(jnp.exp(log_coefficient))
     delta_sampled = jnp.exp(log_feasibility(method, coefficients, scores.sampled))
     delta_policy = jnp.exp(log_feasibility(method, coefficients, scores.policy))
-    return -(coefficient * delta_sampled).mean() + delta_policy.mean() - coefficients.cost_budget
+    return -(coefficient * delta_sampled).mean() + delta_policy.mean()
 
 
 def contrast(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:

@@ -39,9 +39,9 @@ class Map(NamedTuple):
 
 def draw(result: Result, layout: Grid, table: Tabular, found: Evidence) -> Iterator[Drawing]:
     maps = episodes.gather_grid(result, table)
-    if result.plan.method.learns_reward:
+    if result.spec.method.learns_reward:
         yield reward_maps(result, layout, table, maps)
-    if result.plan.method.learns_feasibility:
+    if result.spec.method.learns_feasibility:
         yield feasibility_maps(result, layout, table, maps, found)
     yield occupancy_maps(result, layout, maps)
 
@@ -74,7 +74,7 @@ def reward_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvidence
 def feasibility_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvidence, found: Evidence) -> Drawing:
     """Draw δ₁ of each cell beside the true constraint; where either has no value by cell, both of the paths through it."""
     doubtful = np.zeros(layout.size**2, bool)
-    if result.plan.method.tests_steps and len(table.cost) == layout.size**2:
+    if result.spec.method.tests_steps and len(table.cost) == layout.size**2:
         allowed, told = 1.0 - np.asarray(table.cost), "δ₁ of each cell"
         doubtful = (maps.expert_occupancy < UNSEEN) & (maps.occupancy.mean(axis=0) < UNSEEN) & (allowed > 0)
         true = Map("true constraint", allowed, "1: allowed, 0: forbidden", "{:.0f}")
@@ -108,7 +108,7 @@ def occupancy_maps(result: Result, layout: Grid, maps: GridEvidence) -> Drawing:
     figure = Figure(figsize=(7.2, 2.1), layout="compressed")
     for axis, one in zip(figure.subplots(1, 3), panels, strict=True):
         _cell_map(axis, layout, one)
-    exact = "the demonstrations'" if result.plan.own is not None else "the exact expert's"
+    exact = "the demonstrations'" if result.spec.own is not None else "the exact expert's"
     distance = 0.5 * np.abs(maps.occupancy - maps.expert_occupancy).sum(axis=1)
     caption = (
         f"Share of the timesteps in each cell: {exact} beside the exact one of the policy, {over_seeds(result)}, the "

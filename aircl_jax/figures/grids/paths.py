@@ -20,7 +20,7 @@ NUM_PATHS = 60
 
 
 def draw(result: Result, layout: Grid, found: Evidence) -> Iterator[Drawing]:
-    if len(layout.zones) == 2 and result.plan.method.learns_feasibility:
+    if len(layout.zones) == 2 and result.spec.method.learns_feasibility:
         yield order_of_zones(result, layout, found)
     yield paths(result, layout, found)
 
@@ -29,7 +29,7 @@ def paths(result: Result, layout: Grid, found: Evidence) -> Drawing:
     """Draw trajectories of D_E, π and q of the first seed, those that violate last and in another colour."""
     first = [first_seed(result.expert), first_seed(found.policy)]
     titles = ["demonstrations $D_E$", r"policy $\pi$"]
-    if result.plan.method.draws:
+    if result.spec.method.draws:
         first.append(first_seed(found.sampled))
         titles.append("samples of $q$")
     figure = Figure(figsize=(2.3 * len(first) + 0.2, 2.6), layout="compressed")

@@ -14,7 +14,7 @@ LEAST = -6.0  # lower end of every axis: a ratio of e^-6
 
 def by_coordinate(result: Result, found: Contributions) -> Drawing:
     """Draw all seeds' curves, their mean, D_E's histogram and the true limit. Use within `matplotlib.rc_context(STYLE)`."""
-    env = result.plan.env
+    env = result.spec.env
     lines = {name: lines_of_coordinate(env.limit, index) for index, name in enumerate(env.coordinate_names)}
     lines |= dict.fromkeys(env.motor_names, lines_of_motors(env.limit))
     columns = min(COLUMNS, len(found.names))

@@ -21,7 +21,7 @@ COLUMNS = 4
 
 
 def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
-    env = result.plan.env
+    env = result.spec.env
     space = env.action_space
     expert, policy = _steps(result.expert), _steps(found.policy)
     if isinstance(space, Box):

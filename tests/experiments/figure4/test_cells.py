@@ -56,7 +56,7 @@ def test_a_cell_has_the_differences_of_q_and_of_the_policy_and_the_map_of_q(by_f
     result = SimpleNamespace(
         summary={"method": "airl"},
         alarms=["it rang"],
-        plan=SimpleNamespace(env=SimpleNamespace(tabular=None)),
+        spec=SimpleNamespace(env=SimpleNamespace(tabular=None)),
         history={"entropy": np.array([[1.0, 3.0], [5.0, 6.0]])},
     )
     monkeypatch.setattr(cells, "train", lambda *words, **given: result)
@@ -128,7 +128,7 @@ def test_a_fold_has_the_mean_log_probability_of_what_followed_under_policy_and_c
     now, after = np.array([[0, 0], [1, 0]]), np.array([[1, 1], [1, 1]])
     log_policy = np.array([[[-1.0, -2.0], [-3.0, -4.0]]])
     chain = np.exp([[-0.5, -1.5], [-2.5, -3.5]])
-    result = SimpleNamespace(plan=SimpleNamespace(env=SimpleNamespace(tabular=None)))
+    result = SimpleNamespace(spec=SimpleNamespace(env=SimpleNamespace(tabular=None)))
     monkeypatch.setattr(held_out, "train", lambda *words, **given: result)
     monkeypatch.setattr(held_out, "recover", lambda result, table: SimpleNamespace(log_policy=log_policy))
     monkeypatch.setattr(held_out, "held_out_recordings", lambda options: [f"fold {options.fold}"])

@@ -70,7 +70,7 @@ def test_every_row_is_trained_as_long_as_the_longer_of_the_two_settings(monkeypa
 
 
 def with_settings(method: str) -> dict[str, Any]:
-    settings = cells.settings_of(cells.planned(FULL, "gridworld", method))
+    settings = cells.settings_of(cells.spec_of(FULL, "gridworld", method))
     return finished_cell(method=method, violation_rate=0.1) | {"settings": settings}
 
 
@@ -81,5 +81,5 @@ def test_a_cell_made_with_other_settings_or_code_is_named():
     with mock.patch.object(table1_report, "changed_since", {"abc1234": True}.get):
         text = report.markdown(study_of(cell, with_settings("bc")))
     assert "train.ppo.learning_rate is 0.1 there and 0.0005 here: gridworld/aircl" in text
-    assert "train.pool" not in text
+    assert "train.pool_factor" not in text
     assert "commit `abc1234` (the library has changed since): gridworld: aircl, bc" in text
