@@ -15,6 +15,7 @@ import numpy as np
 
 from aircl_jax.analysis.causal import strongest
 from aircl_jax.figures.animals import causal_links
+from aircl_jax.figures.grids import codes
 from aircl_jax.figures.style import DPI, STYLE
 from envs import Codes
 from envs.animals.data_folder import command_prefix

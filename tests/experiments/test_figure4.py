@@ -9,7 +9,7 @@ from aircl_jax.analysis.causal import markov_chain
 from aircl_jax.analysis.recovered import Recovered
 from envs.animals.meerkat import load
 from envs.options import MeerkatOptions
-from experiments.figure4 import cells
+from experiments.figure4 import cells, held_out
 from experiments.figure4.__main__ import main
 from experiments.shared.paired_tests import effect
 
@@ -39,7 +39,7 @@ def test_the_chain_of_the_training_recordings_is_smoothed_by_cross_validation(st
     assert smoothing in held_out.SMOOTHINGS
     assert (chain > 0).all()
     windows = study.herd.windows
-    fitted = windows.code[~np.isin(windows.recording, held_out)]
+    fitted = windows.code[~np.isin(windows.recording, recordings)]
     np.testing.assert_allclose(chain, markov_chain(fitted, 25, smoothing)[1])
 
 
