@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax import runtime
+from aircl_jax.reports import markdown
 from experiments.cli.words import listed, parse
 
 BODIES = ("swimmer", "walker", "pendulum")
 ENVS_AT_ONCE, STEPS, REPEATS = 500, 100, 5
 OPEN_LOOP = 50  # control steps
+HEAD = ("body", "engine", "integrator", "env steps/s, best (median)", "compile s", "|Δqpos| from fine RK4 after 50 steps")
 FINE = 10  # substeps of the reference per substep of the model
 
 
@@ -38,17 +40,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     cache = tempfile.TemporaryDirectory()  # empty, so that compiling is timed
     runtime.prepare(devices=2, cache=Path(cache.name))
-    print("| body | engine | integrator | env steps/s, best (median) | compile s | |Δqpos| from fine RK4 after 50 steps |")
-    print("|---|---|---|---|---|---|")
+    print(markdown.table(HEAD, []))
     for name in bodies:
         for engine in ("planar", "mjx") if settings.mjx else ("planar",):
             for integrator in ("euler", "rk4"):
                 best, median, compiling = speed(name, engine, integrator)
                 off = f"{deviation(name, engine, integrator):.1e}"
-                print(
-                    f"| {name} | {engine} | {integrator} | {best:,.0f} ({median:,.0f}) | {compiling:.0f} | {off} |",
-                    flush=True,
-                )
+                cells = (name, engine, integrator, f"{best:,.0f} ({median:,.0f})", f"{compiling:.0f}", off)
+                print(markdown.row(cells), flush=True)
     return 0
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax import METHODS, train
+from aircl_jax.reports import markdown
 from experiments.cli.words import SEEDS, parse, refuse_short_runs
 from experiments.shared.commits import current_commit
 from experiments.shared.paired_tests import each, spread
@@ -117,17 +118,26 @@ def table(cells: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
             continue
         first = next(iter(rows.values()))
         lines += [f"## {world}", "", f"`{first['command'].replace('method=' + first['method'], 'method=…')}`", ""]
-        lines += ["| method | commit | iterations | " + " | ".join(SHOWN) + " |", "|---" * (len(SHOWN) + 3) + "|"]
-        for method, cell in rows.items():
-            shown = " | ".join(spread(cell["metrics"].get(name, UNDEFINED)["per_seed"], 3) for name in SHOWN)
-            lines.append(f"| {method} | {cell['commit']} | {cell['iterations']} | {shown} |")
-        lines += ["", "Every seed, violation rate of q and of π:", ""]
+        shown = [
+            (method, cell["commit"], cell["iterations"], *(spread(_per_seed(cell, name), 3) for name in SHOWN))
+            for method, cell in rows.items()
+        ]
+        lines += [
+            markdown.table(("method", "commit", "iterations", *SHOWN), shown),
+            "",
+            "Every seed, violation rate of q and of π:",
+            "",
+        ]
         for method, cell in rows.items():
             seeds = [cell["metrics"][name]["per_seed"] for name in ("violation_rate", "violation_rate_policy")]
             lines.append(f"- {method}: q {each(seeds[0])}; π {each(seeds[1])}")
         rung = [f"- {method}: {sentence}" for method, cell in rows.items() for sentence in cell["alarms"]]
         lines += ["", "Alarms:", "", *(rung or ["none"]), ""]
     return "\n".join(lines) + "\n"
+
+
+def _per_seed(cell: Mapping[str, Any], metric: str) -> Sequence[float | None]:
+    return cell["metrics"].get(metric, UNDEFINED)["per_seed"]
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ import numpy as np
 from aircl_jax import train
 from aircl_jax.figures import sweep as sweep_figure
 from aircl_jax.figures.style import DPI, STYLE
+from aircl_jax.reports import markdown
 from aircl_jax.runs.spec import make_plan
 from aircl_jax.runs.sweep import sweep
 from experiments.cli.words import SEEDS, listed, parse, refuse_short_runs
@@ -149,20 +150,20 @@ def write(out: Path) -> Path:
             drawing = sweep_figure.draw(name, one.title, found)
             drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
         lines += [f"`{found['command']}`, commit {found['commit']}", "", f"![{one.title}]({name}.png)", "", drawing.caption, ""]
-        lines += table(found)
+        lines += [table(found), ""]
     written = out / "report.md"
     written.write_text("\n".join(lines))
     return written
 
 
-def table(found: Mapping[str, Any]) -> list[str]:
+def table(found: Mapping[str, Any]) -> str:
     """A row a value."""
     names = [name for name in (*sweep_figure.SHOWN, *OF_THE_EXPERT) if name in found["metrics"]]
-    lines = [f"| {found['setting']} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
-    for place, value in enumerate(found["values"]):
-        cells = [spread(found["metrics"][name][place], 3) for name in names]
-        lines.append(f"| {value:g} | " + " | ".join(cells) + " |")
-    return [*lines, ""]
+    rows = [
+        (f"{value:g}", *(spread(found["metrics"][name][place], 3) for name in names))
+        for place, value in enumerate(found["values"])
+    ]
+    return markdown.table((found["setting"], *names), rows)
 
 
 if __name__ == "__main__":
