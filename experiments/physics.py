@@ -15,7 +15,8 @@ from typing import Any
 
 from aircl_jax import runtime
 from aircl_jax.reports import markdown
-from experiments.cli.words import listed, parse
+from experiments.cli.command import run_command
+from experiments.cli.words import listed
 
 BODIES = ("swimmer", "walker", "pendulum")
 ENVS_AT_ONCE, STEPS, REPEATS = 500, 100, 5
@@ -31,13 +32,12 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; 0 done, 2 bad input."""
-    try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
-        bodies = listed("body", settings.bodies, BODIES)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return run_command(print_table, argv, Settings(), __doc__)
+
+
+def print_table(settings: Settings, _: Sequence[str]) -> None:
+    """Print the table, a row as soon as it is measured."""
+    bodies = listed("body", settings.bodies, BODIES)
     cache = tempfile.TemporaryDirectory()  # empty, so that compiling is timed
     runtime.prepare(devices=2, cache=Path(cache.name))
     print(markdown.table(HEAD, []))
@@ -48,7 +48,6 @@ def main(argv: Sequence[str] | None = None) -> int:
                 off = f"{deviation(name, engine, integrator):.1e}"
                 cells = (name, engine, integrator, f"{best:,.0f} ({median:,.0f})", f"{compiling:.0f}", off)
                 print(markdown.row(cells), flush=True)
-    return 0
 
 
 def speed(name: str, engine: str, integrator: str) -> tuple[float, float, float]:

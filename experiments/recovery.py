@@ -13,7 +13,8 @@ from typing import Any
 
 from aircl_jax import METHODS, train
 from aircl_jax.reports import markdown
-from experiments.cli.words import SEEDS, parse, refuse_short_runs
+from experiments.cli.command import run_command
+from experiments.cli.words import SEEDS, refuse_short_runs
 from experiments.shared.commits import current_commit
 from experiments.shared.paired_tests import each, spread
 
@@ -65,26 +66,21 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train the cells that are missing, then write the table; 0 done, 2 bad input, 130 interrupted."""
-    try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
-        refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
-        commit = current_commit()  # of the code that this process has loaded
-        cells = {
-            (world, method): _cell(settings, world, method, commit)
-            for world in WORLDS
-            for method in (METHODS if world == "default" else ELSEWHERE)
-        }
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on with the cell that was cut", file=sys.stderr)
-        return 130
+    return run_command(recover, argv, Settings(), __doc__, then="the same command goes on with the cell that was cut")
+
+
+def recover(settings: Settings, _: Sequence[str]) -> None:
+    """Train the cells that are missing, then write the table."""
+    refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
+    commit = current_commit()  # of the code that this process has loaded
+    cells = {
+        (world, method): _cell(settings, world, method, commit)
+        for world in WORLDS
+        for method in (METHODS if world == "default" else ELSEWHERE)
+    }
     written = Path(settings.out) / "table.md"
     written.write_text(table(cells))
     print(f"wrote {written}")
-    return 0
 
 
 def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str, Any]:

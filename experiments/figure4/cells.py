@@ -109,14 +109,10 @@ def read(settings: Settings) -> Study:
     return Study(herd, codes, real, out / kind, current_commit())
 
 
-class OtherSettingsError(ValueError):
-    """A finished cell is not what is asked for."""
-
-
 def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """The cell of that file, made and written if it is not there: what is finished is not done again.
 
-    Raises OtherSettingsError, in one line, where one is there that says something else of what is `asked`.
+    Raises ValueError, in one line, where one is there that says something else of what is `asked`.
     """
     if not path.exists():
         print(f"making {path}", flush=True)
@@ -126,7 +122,7 @@ def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]
     cell = json.loads(path.read_text())
     for name, value in asked.items():
         if cell[name] != value:
-            raise OtherSettingsError(f"{path} has {name}={cell[name]}, asked for is {value}; give out=DIR, or remove the file")
+            raise ValueError(f"{path} has {name}={cell[name]}, asked for is {value}; give out=DIR, or remove the file")
     return cell
 
 

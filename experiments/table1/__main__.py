@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from experiments.cli.words import SEEDS, listed, parse
+from experiments.cli.command import BAD_INPUT, DONE, complain, run_command
+from experiments.cli.words import SEEDS, listed
 from experiments.shared.commits import current_commit
 from experiments.table1 import cells, claims_report, report
 from experiments.table1.cells import COLUMNS, ROWS, Job
@@ -44,24 +45,19 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train what is missing and write the table and the claims; 0 done, 2 bad input, 130 interrupted."""
-    words = sys.argv[1:] if argv is None else list(argv)
-    try:
-        settings = parse(words, Settings(), __doc__)
-        job = job_of(settings)
-        chosen = chosen_cells(settings)
-        cells.load(job)  # refuses what is of another scale, before anything is trained
-        refused = make(job, chosen, settings.overwrite) if settings.train else {}
-        write(job, refused, shlex.join(["python", "-m", "experiments.table1", *words]))
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command continues", file=sys.stderr)
-        return 130
+    return run_command(make_table, argv, Settings(), __doc__, then="the same command continues")
+
+
+def make_table(settings: Settings, words: Sequence[str]) -> int:
+    """Train what is missing and write the table and the claims; bad input where a cell was refused."""
+    job = job_of(settings)
+    chosen = chosen_cells(settings)
+    cells.load(job)  # refuses what is of another scale, before anything is trained
+    refused = make(job, chosen, settings.overwrite) if settings.train else {}
+    write(job, refused, shlex.join(["python", "-m", "experiments.table1", *words]))
     for reason in refused.values():
-        print(f"error: {reason}", file=sys.stderr)
-    return 2 if refused else 0
+        complain(reason)
+    return BAD_INPUT if refused else DONE
 
 
 def chosen_cells(settings: Settings) -> list[tuple[str, str]]:
