@@ -26,6 +26,7 @@ from aircl_jax.analysis.causal import (
     yardsticks,
 )
 from aircl_jax.analysis.recovered import Recovered, recover
+from aircl_jax.methods import METHODS
 from aircl_jax.model.networks import Networks
 from aircl_jax.settings.parse import at_least
 from aircl_jax.storage import write_whole
@@ -36,8 +37,10 @@ from envs.options import MeerkatOptions
 from experiments.cli.words import listed
 from experiments.shared.commits import current_commit
 
-METHODS = ("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
-GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the simulated mob
+ROWS = (
+    *("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc"),
+    *("icrl", "icrl_prior"),
+)
 SMOKE = {
     "num_trajectories": 10,
     "num_evaluation": 8,
@@ -128,7 +131,12 @@ def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]
 
 def methods(settings: Settings, study: Study) -> tuple[str, ...]:
     """The methods asked for, in the order of the table. ValueError for one that is not of it."""
-    return listed("method", settings.methods, METHODS + (GIVEN_REWARD if study.simulated else ()))
+    return listed("method", settings.methods, [name for name in ROWS if study.simulated or not _needs_known_reward(name)])
+
+
+def _needs_known_reward(name: str) -> bool:
+    """Whether the row can be trained only where somebody knows the true reward: on the simulated mob."""
+    return METHODS[name].needs_true_reward and not METHODS[name].assumes_no_reward
 
 
 def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]:

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from aircl_jax.methods import METHODS
 from aircl_jax.reports import markdown as md
 from aircl_jax.reports.summary import statistics, versions
 from experiments.shared.commits import changed_since
 from experiments.shared.paired_tests import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, each, interval
 from experiments.shared.paper import PAPER
-from experiments.table1.cells import COLUMNS, KNOWS_REWARD, ROWS, Cell, Study, other_settings
+from experiments.table1.cells import COLUMNS, ROWS, Cell, Study, other_settings
 from experiments.table1.convergence import STILL, settled
 
 LEVELS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # of the violation rate, in the performance profile
@@ -154,7 +155,7 @@ def _measure_table(study: Study, measure: Measure) -> str:
 
 
 def name_of(method: str) -> str:
-    return f"`{method}`" + (" †" if method in KNOWS_REWARD else "")
+    return f"`{method}`" + (" †" if METHODS[method].needs_true_reward else "")
 
 
 def shown(values: Values | None) -> str:
