@@ -34,21 +34,13 @@ from aircl_jax.types import TrainState, Trajectory
 from envs import Tabular
 from envs.animals.meerkat import Herd, load
 from envs.options import MeerkatOptions
-from experiments.cli.words import listed
+from experiments.cli.words import listed, smoke_budget
 from experiments.shared.commits import current_commit
 
 ROWS = (
     *("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc"),
     *("icrl", "icrl_prior"),
 )
-SMOKE = {
-    "num_trajectories": 10,
-    "num_evaluation": 8,
-    "chunk": 2,
-    "warm_start": 1,
-    "adversary": {"num_steps": 1},
-    "ppo": {"num_epochs": 1},
-}
 LAGS = (1, 5)  # τ_max of the analyses
 POOL = 4  # episodes of π for each window that is drawn from them by δ̄
 KEY_WINDOWS = 4  # folded into a state's key: other episodes than training's or the evaluation's
@@ -75,12 +67,12 @@ class Settings:
 
     @property
     def iterations(self) -> int | Literal["default"]:
-        return "default" if self.scale == "full" else 2
+        return "default" if self.scale == "full" else smoke_budget()["iterations"]
 
     @property
     def training(self) -> dict[str, Any]:
         """What is changed of a method's own settings."""
-        return {} if self.scale == "full" else SMOKE
+        return {} if self.scale == "full" else smoke_budget()["train"]
 
 
 class Study(NamedTuple):

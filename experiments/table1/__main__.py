@@ -11,24 +11,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from experiments.cli.command import BAD_INPUT, DONE, complain, run_command
-from experiments.cli.words import SEEDS, listed
+from experiments.cli.words import SEEDS, listed, smoke_budget
 from experiments.shared.commits import current_commit
 from experiments.table1 import cells, claims_report, report
 from experiments.table1.cells import COLUMNS, ROWS, Job
 
 RESULTS = Path("results")
-SMOKE: dict[str, Any] = {
-    "num_trajectories": 4,
-    "num_demonstrations": 4,
-    "num_evaluation": 4,
-    "warm_start": 1,
-    "ppo": {"num_epochs": 1},
-    "adversary": {"num_steps": 1},
-}
-
 SMOKE_ON_ROBOTS = ("airl", "aircl", "aircl_corrected", "bc")  # one of each kind: what takes the time is compiling
 
 
@@ -84,8 +75,9 @@ def job_of(settings: Settings) -> Job:
         raise ValueError(f"out={settings.out}: scale=smoke makes no results; choose a folder outside {RESULTS}")
     out = Path("runs/smoke/table1") if smoke and settings.out == "default" else published
     runs = Path("runs/table1") if out == RESULTS else out / "runs"
-    own = (2, 4, SMOKE) if smoke else (SEEDS, 0, {})
-    return Job(settings.scale, settings.seeds or own[0], settings.iterations or own[1], out, runs, own[2])
+    own = smoke_budget() if smoke else {"seeds": SEEDS, "iterations": 0, "train": {}}
+    seeds, iterations = settings.seeds or own["seeds"], settings.iterations or own["iterations"]
+    return Job(settings.scale, seeds, iterations, out, runs, own["train"])
 
 
 def make(job: Job, chosen: Sequence[tuple[str, str]], overwrite: bool) -> dict[tuple[str, str], str]:
