@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.cli.words import parse
+from experiments.cli.command import run_command
 from experiments.shared.paper import COLUMNS
 
 
@@ -24,15 +24,12 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Draw and write; 0 done, 2 bad input."""
-    words = sys.argv[1:] if argv is None else list(argv)
-    try:
-        path = draw(parse(words, Settings(), __doc__), shlex.join(["python", "-m", "experiments.figure3", *words]))
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    print(f"wrote {path}")
-    return 0
+    return run_command(make, argv, Settings(), __doc__)
+
+
+def make(settings: Settings, words: Sequence[str]) -> None:
+    """Draw and write."""
+    print(f"wrote {draw(settings, shlex.join(['python', '-m', 'experiments.figure3', *words]))}")
 
 
 def draw(settings: Settings, command: str) -> Path:

@@ -17,7 +17,7 @@ from scipy.linalg import solve_discrete_are
 from aircl_jax.settings.parse import at_least
 from envs import Env, make_env
 from envs.robots.tasks import RobotState
-from experiments.cli.words import parse
+from experiments.cli.command import run_command
 
 PLACES = (-0.014, -0.012, -0.010, -0.008, -0.006, -0.004, -0.002, 0.0)  # m; the wall is at −0.015
 PLACE_COST, ACTION_COST = 1e4, 1.0  # of x² in m²; of the action². The other coordinates cost 1 per unit²
@@ -36,13 +36,12 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the frontier; 0 done, 2 bad input."""
-    try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
-        env = make_env("pendulum", noise=settings.noise)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return run_command(print_frontier, argv, Settings(), __doc__)
+
+
+def print_frontier(settings: Settings, _: Sequence[str]) -> None:
+    """Print return against clean episodes, a line a place."""
+    env = make_env("pendulum", noise=settings.noise)
     gain = regulator(make_env("pendulum", noise=0.0))
     print("place, m | return | clean episodes, % | return of the clean | violating steps")
     for place in PLACES:
@@ -50,7 +49,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         clean = costs == 0
         of_clean = rewards[clean].mean() if clean.any() else np.nan
         print(f"{place:8.3f} | {rewards.mean():6.1f} | {100 * clean.mean():17.1f} | {of_clean:19.1f} | {costs.mean():15.2f}")
-    return 0
 
 
 def regulator(env: Env) -> Float[np.ndarray, "A O"]:

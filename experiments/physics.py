@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax import runtime
-from experiments.cli.words import listed, parse
+from aircl_jax.reports import markdown
+from experiments.cli.command import run_command
+from experiments.cli.words import listed
 
 BODIES = ("swimmer", "walker", "pendulum")
 ENVS_AT_ONCE, STEPS, REPEATS = 500, 100, 5
 OPEN_LOOP = 50  # control steps
+HEAD = ("body", "engine", "integrator", "env steps/s, best (median)", "compile s", "|Δqpos| from fine RK4 after 50 steps")
 FINE = 10  # substeps of the reference per substep of the model
 
 
@@ -29,27 +32,22 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; 0 done, 2 bad input."""
-    try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
-        bodies = listed("body", settings.bodies, BODIES)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return run_command(print_table, argv, Settings(), __doc__)
+
+
+def print_table(settings: Settings, _: Sequence[str]) -> None:
+    """Print the table, a row as soon as it is measured."""
+    bodies = listed("body", settings.bodies, BODIES)
     cache = tempfile.TemporaryDirectory()  # empty, so that compiling is timed
     runtime.prepare(devices=2, cache=Path(cache.name))
-    print("| body | engine | integrator | env steps/s, best (median) | compile s | |Δqpos| from fine RK4 after 50 steps |")
-    print("|---|---|---|---|---|---|")
+    print(markdown.table(HEAD, []))
     for name in bodies:
         for engine in ("planar", "mjx") if settings.mjx else ("planar",):
             for integrator in ("euler", "rk4"):
                 best, median, compiling = speed(name, engine, integrator)
                 off = f"{deviation(name, engine, integrator):.1e}"
-                print(
-                    f"| {name} | {engine} | {integrator} | {best:,.0f} ({median:,.0f}) | {compiling:.0f} | {off} |",
-                    flush=True,
-                )
-    return 0
+                cells = (name, engine, integrator, f"{best:,.0f} ({median:,.0f})", f"{compiling:.0f}", off)
+                print(markdown.row(cells), flush=True)
 
 
 def speed(name: str, engine: str, integrator: str) -> tuple[float, float, float]:

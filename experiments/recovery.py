@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax import METHODS, train
-from experiments.cli.words import SEEDS, parse, refuse_short_runs
+from aircl_jax.reports import markdown
+from experiments.cli.command import run_command
+from experiments.cli.words import SEEDS, refuse_short_runs
 from experiments.shared.commits import current_commit
 from experiments.shared.paired_tests import each, spread
 
@@ -64,26 +66,21 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train the cells that are missing, then write the table; 0 done, 2 bad input, 130 interrupted."""
-    try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
-        refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
-        commit = current_commit()  # of the code that this process has loaded
-        cells = {
-            (world, method): _cell(settings, world, method, commit)
-            for world in WORLDS
-            for method in (METHODS if world == "default" else ELSEWHERE)
-        }
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on with the cell that was cut", file=sys.stderr)
-        return 130
+    return run_command(recover, argv, Settings(), __doc__, then="the same command goes on with the cell that was cut")
+
+
+def recover(settings: Settings, _: Sequence[str]) -> None:
+    """Train the cells that are missing, then write the table."""
+    refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
+    commit = current_commit()  # of the code that this process has loaded
+    cells = {
+        (world, method): _cell(settings, world, method, commit)
+        for world in WORLDS
+        for method in (METHODS if world == "default" else ELSEWHERE)
+    }
     written = Path(settings.out) / "table.md"
     written.write_text(table(cells))
     print(f"wrote {written}")
-    return 0
 
 
 def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str, Any]:
@@ -117,17 +114,26 @@ def table(cells: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
             continue
         first = next(iter(rows.values()))
         lines += [f"## {world}", "", f"`{first['command'].replace('method=' + first['method'], 'method=…')}`", ""]
-        lines += ["| method | commit | iterations | " + " | ".join(SHOWN) + " |", "|---" * (len(SHOWN) + 3) + "|"]
-        for method, cell in rows.items():
-            shown = " | ".join(spread(cell["metrics"].get(name, UNDEFINED)["per_seed"], 3) for name in SHOWN)
-            lines.append(f"| {method} | {cell['commit']} | {cell['iterations']} | {shown} |")
-        lines += ["", "Every seed, violation rate of q and of π:", ""]
+        shown = [
+            (method, cell["commit"], cell["iterations"], *(spread(_per_seed(cell, name), 3) for name in SHOWN))
+            for method, cell in rows.items()
+        ]
+        lines += [
+            markdown.table(("method", "commit", "iterations", *SHOWN), shown),
+            "",
+            "Every seed, violation rate of q and of π:",
+            "",
+        ]
         for method, cell in rows.items():
             seeds = [cell["metrics"][name]["per_seed"] for name in ("violation_rate", "violation_rate_policy")]
             lines.append(f"- {method}: q {each(seeds[0])}; π {each(seeds[1])}")
         rung = [f"- {method}: {sentence}" for method, cell in rows.items() for sentence in cell["alarms"]]
         lines += ["", "Alarms:", "", *(rung or ["none"]), ""]
     return "\n".join(lines) + "\n"
+
+
+def _per_seed(cell: Mapping[str, Any], metric: str) -> Sequence[float | None]:
+    return cell["metrics"].get(metric, UNDEFINED)["per_seed"]
 
 
 if __name__ == "__main__":

@@ -19,9 +19,11 @@ import numpy as np
 from aircl_jax import train
 from aircl_jax.figures import sweep as sweep_figure
 from aircl_jax.figures.style import DPI, STYLE
+from aircl_jax.reports import markdown
 from aircl_jax.runs.spec import make_spec
 from aircl_jax.runs.sweep import sweep
-from experiments.cli.words import SEEDS, listed, parse, refuse_short_runs
+from experiments.cli.command import run_command
+from experiments.cli.words import SEEDS, listed, refuse_short_runs
 from experiments.shared.commits import current_commit
 from experiments.shared.kept_files import keep
 from experiments.shared.paired_tests import spread
@@ -68,27 +70,21 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train the sweeps that are missing, then write; 0 done, 2 bad input, 130 interrupted."""
-    words = sys.argv[1:] if argv is None else list(argv)
-    try:
-        settings = parse(words, Settings(), __doc__)
-        chosen = listed("sweep", settings.sweep, tuple(SWEEPS))
-        refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
-        commit = current_commit()  # of the code that this process has loaded
-        for name in chosen:
-            path = Path(settings.out) / f"{name}.json"
-            if not path.exists():
-                print(f"training {name}: {SWEEPS[name].method}, {SWEEPS[name].name} of {SWEEPS[name].values}", flush=True)
-                command = shlex.join(["python", "-m", "experiments.sweeps", *_kept(words), f"sweep={name}"])
-                keep(path, {"command": command, "commit": commit, **run(SWEEPS[name], settings)})
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command goes on with the sweep that was cut", file=sys.stderr)
-        return 130
+    return run_command(make, argv, Settings(), __doc__, then="the same command goes on with the sweep that was cut")
+
+
+def make(settings: Settings, words: Sequence[str]) -> None:
+    """Train the sweeps that are missing, then write."""
+    chosen = listed("sweep", settings.sweep, tuple(SWEEPS))
+    refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
+    commit = current_commit()  # of the code that this process has loaded
+    for name in chosen:
+        path = Path(settings.out) / f"{name}.json"
+        if not path.exists():
+            print(f"training {name}: {SWEEPS[name].method}, {SWEEPS[name].name} of {SWEEPS[name].values}", flush=True)
+            command = shlex.join(["python", "-m", "experiments.sweeps", *_kept(words), f"sweep={name}"])
+            keep(path, {"command": command, "commit": commit, **run(SWEEPS[name], settings)})
     print(f"wrote {write(Path(settings.out))}")
-    return 0
 
 
 def _kept(words: Sequence[str]) -> list[str]:
@@ -149,20 +145,20 @@ def write(out: Path) -> Path:
             drawing = sweep_figure.draw(name, one.title, found)
             drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
         lines += [f"`{found['command']}`, commit {found['commit']}", "", f"![{one.title}]({name}.png)", "", drawing.caption, ""]
-        lines += table(found)
+        lines += [table(found), ""]
     written = out / "report.md"
     written.write_text("\n".join(lines))
     return written
 
 
-def table(found: Mapping[str, Any]) -> list[str]:
+def table(found: Mapping[str, Any]) -> str:
     """A row a value."""
     names = [name for name in (*sweep_figure.SHOWN, *OF_THE_EXPERT) if name in found["metrics"]]
-    lines = [f"| {found['setting']} | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
-    for place, value in enumerate(found["values"]):
-        cells = [spread(found["metrics"][name][place], 3) for name in names]
-        lines.append(f"| {value:g} | " + " | ".join(cells) + " |")
-    return [*lines, ""]
+    rows = [
+        (f"{value:g}", *(spread(found["metrics"][name][place], 3) for name in names))
+        for place, value in enumerate(found["values"])
+    ]
+    return markdown.table((found["setting"], *names), rows)
 
 
 if __name__ == "__main__":

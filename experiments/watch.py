@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from experiments.cli.words import parse
+from experiments.cli.command import run_command
 
 
 @dataclass(frozen=True)
@@ -24,15 +24,13 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Roll out, draw and write; 0 done, 2 bad input."""
-    words = sys.argv[1:] if argv is None else list(argv)
-    try:
-        for path, caption in watch(parse(words, Settings(), __doc__)):
-            print(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return run_command(show, argv, Settings(), __doc__)
+
+
+def show(settings: Settings, _: Sequence[str]) -> None:
+    """Roll out, draw and write."""
+    for path, caption in watch(settings):
+        print(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
 
 
 def watch(settings: Settings) -> list[tuple[Path, str]]:

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import AxisType, NamedSharding, PartitionSpec
+from jax.sharding import PartitionSpec
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax.algorithm.learners.lagrangian import Lagrangian, LagrangianState, bound
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.model.networks import Networks
-from aircl_jax.runs.seeds import over_seeds
+from aircl_jax.runs.seeds import SEED, over_seeds, seed_keys, spread
 from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
@@ -55,26 +55,19 @@ class Runner(NamedTuple):
 
 def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequence[bool]) -> Runner:
     """Train all seeds, constrained or not, as one program over shards of seeds on every device."""
-    count = max(number for number in range(1, jax.device_count() + 1) if len(seeds) % number == 0)
-    mesh = jax.make_mesh((count,), ("seed",), axis_types=(AxisType.Auto,))
-    spec = PartitionSpec("seed")
-    shard = partial(jax.shard_map, mesh=mesh, check_vma=False)
-
-    def place(tree: Any) -> Any:
-        return jax.device_put(tree, NamedSharding(mesh, spec))
-
+    shard, place = spread(len(seeds))
     flags = place(jnp.asarray(constrained, jnp.float32))
-    init = jax.jit(shard(over_seeds(training.init), in_specs=spec, out_specs=spec))
+    init = jax.jit(shard(over_seeds(training.init), in_specs=SEED))
 
     @partial(jax.jit, static_argnums=2, donate_argnums=0)
     def run_chunk(states: Any, flags: Array, length: int) -> tuple[Any, Metrics]:
         def on_device(states: Any, flags: Array) -> tuple[Any, Metrics]:
             return jax.lax.scan(lambda states, _: over_seeds(training.step)(states, flags), states, length=length)
 
-        return shard(on_device, in_specs=(spec, spec), out_specs=(spec, PartitionSpec(None, "seed")))(states, flags)
+        return shard(on_device, in_specs=(SEED, SEED), out_specs=(SEED, PartitionSpec(None, "seed")))(states, flags)
 
     return Runner(
-        init=lambda: init(place(jax.vmap(jax.random.key)(jnp.asarray(seeds, jnp.uint32)))),
+        init=lambda: init(place(seed_keys(seeds))),
         run_chunk=lambda states, length: run_chunk(place(states), flags, length),
     )
 

@@ -12,14 +12,15 @@ from aircl_jax.runs.result import Result
 BLUE, ORANGE, GREEN, PURPLE, BLACK, GREY = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#222222", "#8a8a8a"
 DPI = 200
 NOTEBOOK_DPI = 110
+OPEN: dict[RcKeyType, Any] = {"axes.spines.top": False, "axes.spines.right": False}
+LARGER: dict[RcKeyType, Any] = {**OPEN, "font.size": 8}  # Figures 2, 7 and 8: panels of the ground, twice as wide as a run's
 STYLE: dict[RcKeyType, Any] = {
+    **OPEN,
     "font.size": 7,
     "axes.titlesize": 7.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
     "xtick.major.size": 2.5,

@@ -18,10 +18,11 @@ from aircl_jax.analysis.recovered import (
     recover,
     rewarding,
 )
+from aircl_jax.reports import markdown
 from aircl_jax.runs.result import Result
 from envs import Codes
 
-AVOIDED_HEAD = ("| after | never or rarely comes | feasibility | seen | expected by chance |", "|---|---|---|---|---|")
+AVOIDED_HEAD = ("after", "never or rarely comes", "feasibility", "seen", "expected by chance")
 
 
 def reading(result: Result) -> str:
@@ -48,7 +49,7 @@ def _beginnings(recovered: Recovered, names: Sequence[str]) -> str:
     shown = np.flatnonzero(begun >= LEAST_SEEN)
     order = shown[np.argsort(-reward[:, shown].mean(axis=0))]
     rows = [
-        f"| {rank} | {names[code]} | {_spread(reward[:, code])} | {_spread(going_on[:, code])} | {begun[code]} |"
+        (rank, names[code], _spread(reward[:, code]), _spread(going_on[:, code]), begun[code])
         for rank, code in enumerate(order, 1)
     ]
     return "\n".join(
@@ -57,9 +58,7 @@ def _beginnings(recovered: Recovered, names: Sequence[str]) -> str:
             "it; 0 is the average step of the recordings. Where the discriminator has settled, it is the logarithm of how",
             f"likely the step is for the animals, and a constant. {_agreement(reward[:, shown], 'activities')}",
             "",
-            "| | activity | reward of beginning it | of going on with it | begun |",
-            "|---|---|---|---|---|",
-            *rows,
+            markdown.table(("", "activity", "reward of beginning it", "of going on with it", "begun"), rows),
         ]
     )
 
@@ -68,8 +67,12 @@ def _rewarding(recovered: Recovered, names: Sequence[str], number: int) -> str:
     ranked, leaving = rewarding(recovered), changes(recovered.seen).sum(axis=1)
     values = np.stack([recovered.reward[:, source, target] for source, target in ranked], axis=1)
     rows = [
-        f"| {names[source]} | {names[target]} | {_spread(recovered.reward[:, source, target])} "
-        f"| {recovered.seen[source, target]} of {leaving[source]} |"
+        (
+            names[source],
+            names[target],
+            _spread(recovered.reward[:, source, target]),
+            f"{recovered.seen[source, target]} of {leaving[source]}",
+        )
         for source, target in ranked[:number]
     ]
     return "\n".join(
@@ -77,9 +80,7 @@ def _rewarding(recovered: Recovered, names: Sequence[str], number: int) -> str:
             f"**What they change to.** The {len(rows)} changes with the most reward, of {len(ranked)} that were seen at least",
             f"{LEAST_SEEN} times. {_agreement(values, 'changes')}",
             "",
-            "| after | comes | reward | seen, of the times the first ended |",
-            "|---|---|---|---|",
-            *rows,
+            markdown.table(("after", "comes", "reward", "seen, of the times the first ended"), rows),
         ]
     )
 
@@ -88,8 +89,13 @@ def _avoided(recovered: Recovered, codes: Codes, number: int) -> str:
     listed, chance = avoided(recovered, codes), expected(recovered.seen, codes.impossible)
     judged = chance >= LEAST_EXPECTED
     rows = [
-        f"| {codes.names[source]} | {codes.names[target]} | {_spread(recovered.delta[:, source, target])} "
-        f"| {recovered.seen[source, target]} | {chance[source, target]:.0f} |"
+        (
+            codes.names[source],
+            codes.names[target],
+            _spread(recovered.delta[:, source, target]),
+            recovered.seen[source, target],
+            f"{chance[source, target]:.0f}",
+        )
         for source, target in listed[:number]
     ]
     kept = "" if len(rows) == len(listed) else f" The {len(rows)} lowest of them:"
@@ -99,7 +105,7 @@ def _avoided(recovered: Recovered, codes: Codes, number: int) -> str:
             f"**What they avoid.** Of {judged.sum()} changes that chance would have shown at least {often} times, the run",
             f"calls {len(listed)} infeasible (feasibility below {below}; 1 is free, 0 is forbidden).{kept}",
             f"Never shown and forbidden look the same here. {_agreement(recovered.delta[:, judged], 'changes')}",
-            *(["", *AVOIDED_HEAD, *rows] if rows else []),
+            *(["", markdown.table(AVOIDED_HEAD, rows)] if rows else []),
         ]
     )
 

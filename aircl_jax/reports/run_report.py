@@ -1,10 +1,10 @@
 """Write report.md of a finished run, and the text that the command line ends with, from its summary."""
 
-import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from aircl_jax.reports import markdown
 from aircl_jax.reports.summary import MEANINGS
 from aircl_jax.runs.directory import FIGURES, REPORT
 from envs import ENVS
@@ -12,30 +12,29 @@ from envs import ENVS
 
 def table(summary: Mapping[str, Any]) -> str:
     """Write the metrics as Markdown: mean ± standard deviation, and what the name means."""
-    rows = [("metric", "mean ± std", "what")]
+    rows = []
     for name, row in _defined(summary).items():
         spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
         rows.append((name, _short(row["mean"]) + spread, MEANINGS.get(name, "")))
-    return _markdown(rows)
+    return markdown.table(("metric", "mean ± std", "what"), rows, aligned=True)
 
 
 def seed_table(summary: Mapping[str, Any]) -> str:
     """Write every seed's metrics as Markdown."""
-    rows = [("metric", *(f"seed {seed}" for seed in summary["seeds"]))]
-    rows += [(name, *map(_short, row["per_seed"])) for name, row in _defined(summary).items()]
-    return _markdown(rows)
+    rows = [(name, *map(_short, row["per_seed"])) for name, row in _defined(summary).items()]
+    return markdown.table(("metric", *(f"seed {seed}" for seed in summary["seeds"])), rows, aligned=True)
 
 
 def report(
     summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[tuple[Path, str]], command: str, reading: str = ""
 ) -> str:
     """Write report.md: command, alarms, figures, plain words, measures, every seed, and what to try next."""
-    return _paragraphs(
+    return markdown.paragraphs(
         f"# {summary['method']} on {summary['env']}",
         f"`{command}`" if command else "Trained from Python.",
         _effort(summary),
         "## Alarms",
-        _bullets(map(_sentence, alarms)) or "None rang.",
+        markdown.bullets(map(_sentence, alarms)) or "None rang.",
         "## Figures",
         *(f"![{path.stem}]({FIGURES}/{path.name})\n\n{caption}" for path, caption in figures),
         *(["## In plain words", reading] if reading else []),
@@ -45,7 +44,7 @@ def report(
         "## Every seed",
         seed_table(summary),
         "## What to try next",
-        _bullets(f"{_sentence(purpose)}: `{line}`" for line, purpose in suggestions(summary)),
+        markdown.bullets(f"{_sentence(purpose)}: `{line}`" for line, purpose in suggestions(summary)),
     )
 
 
@@ -61,12 +60,12 @@ def _undefined(summary: Mapping[str, Any]) -> str:
 
 def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> str:
     """Write the text that the command line ends with."""
-    return _paragraphs(
+    return markdown.paragraphs(
         "",
         table(summary),
         _undefined(summary),
         _effort(summary),
-        "Alarms:\n" + _bullets(alarms) if alarms else "No alarm rang.",
+        "Alarms:\n" + markdown.bullets(alarms) if alarms else "No alarm rang.",
         f"Every seed: {run_dir}/{REPORT}   figures: {run_dir}/{FIGURES}/",
         "What to try next:\n" + "\n".join(f"  {line}   # {purpose}" for line, purpose in suggestions(summary)),
     )
@@ -94,26 +93,6 @@ def _effort(summary: Mapping[str, Any]) -> str:
         f"steps in {summary['wall_s']:.0f} s, {summary['compile_s']:.0f} s of it compiling"
         + (f"; {speed:,.0f} env steps/s." if speed else ".")
     )
-
-
-def _markdown(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
-    padded = [[cell + " " * (width - _width(cell)) for cell, width in zip(row, widths, strict=True)] for row in rows]
-    head, *body = [f"| {' | '.join(row)} |" for row in padded]
-    return "\n".join([head, f"|{'|'.join('-' * (width + 2) for width in widths)}|", *body])
-
-
-def _width(text: str) -> int:
-    """Count the columns on a terminal; the bar of δ̄ takes none."""
-    return sum(not unicodedata.combining(letter) for letter in text)
-
-
-def _paragraphs(*parts: str) -> str:
-    return "\n\n".join(parts) + "\n"
-
-
-def _bullets(lines: Iterable[str]) -> str:
-    return "\n".join(f"- {line}" for line in lines)
 
 
 def _short(value: float | None) -> str:

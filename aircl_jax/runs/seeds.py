@@ -43,7 +43,7 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
 
     `expert` is [S, N, T, …]: every seed has its own demonstrations (the same ones where they come from a file).
     """
-    shard, place = _spread(len(seeds))
+    shard, place = spread(len(seeds))
     init = jax.jit(shard(over_seeds(trainer.init), in_specs=(SEED, SEED)))
 
     @partial(jax.jit, static_argnums=2, donate_argnums=0)
@@ -68,7 +68,7 @@ def make_evaluator(
     evaluate: Callable[[TrainState, Expert, Any], Metrics], num_seeds: int
 ) -> Callable[[TrainState, Expert, Any], Metrics]:
     """`evaluate(state, expert, shared)` of every seed, [S, …]; `shared` is one for all. Spread as in training."""
-    shard, place = _spread(num_seeds)
+    shard, place = spread(num_seeds)
 
     def on_device(states: TrainState, expert: Expert, shared: Any) -> Metrics:
         return over_seeds(lambda state, of_seed: evaluate(state, of_seed, shared))(states, expert)
@@ -77,8 +77,11 @@ def make_evaluator(
     return lambda states, expert, shared: judge(place(states), place(expert), shared)
 
 
-def _spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
-    """`jax.shard_map` of the leading axis over the devices, and what places a tree like that."""
+def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
+    """Spread seeds over the devices: `jax.shard_map` of the leading axis of what goes in and out, and what places a tree so.
+
+    Where something comes out with its seeds elsewhere, the call says `out_specs=…`.
+    """
     mesh = jax.make_mesh((_shards(num_seeds),), ("seed",), axis_types=(AxisType.Auto,))
     sharding = NamedSharding(mesh, SEED)
     return partial(jax.shard_map, mesh=mesh, out_specs=SEED, check_vma=False), lambda tree: jax.device_put(tree, sharding)

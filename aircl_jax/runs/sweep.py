@@ -69,7 +69,7 @@ def _trainer(spec: RunSpec, coefficient: str) -> Trainer:
     def step(state: TrainState, given: Any) -> tuple[TrainState, Metrics]:
         return of(given[1]).step(state, given[0])
 
-    return Trainer(init, step, make_networks(plan.env, plan.method, plan.config))
+    return Trainer(init, step, make_networks(spec.env, spec.method, spec.config))
 
 
 def _evaluate(spec: RunSpec, coefficient: str, state: TrainState, given: Any, reference: Trajectory) -> Metrics:

@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Literal
 
-from experiments.cli.words import parse
+from experiments.cli.command import run_command
 
 REPEATS = 5  # of each timing; the median is printed
 PEERS = {"swimmer": "Swimmer-v4", "walker": "Walker2d-v4", "pendulum": "InvertedPendulum-v4"}  # as Gymnasium calls them
@@ -48,19 +48,17 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and print; 0 done, 2 bad input."""
-    try:
-        settings = parse(sys.argv[1:] if argv is None else argv, Settings(), __doc__)
-        rows = measure(settings)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return run_command(report, argv, Settings(), __doc__)
+
+
+def report(settings: Settings, _: Sequence[str]) -> None:
+    """Measure and print."""
+    rows = measure(settings)
     import jax
 
     print(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
     for name, value in rows.items():
         print(f"  {name:<58} {value}")
-    return 0
 
 
 def measure(settings: Settings) -> dict[str, str]:

@@ -18,8 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from aircl_jax.settings.renamed import old_name
 from experiments.cli import hydra_settings
-
-DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+from experiments.cli.command import BAD_INPUT, DONE, complain, interrupted
 
 
 class Composed(NamedTuple):
@@ -41,7 +40,7 @@ def launch(task: Callable[[Composed], None], config_name: str, argv: Sequence[st
             own = HydraConfig.get()
             task(Composed(own.runtime.choices["env"], values, tuple(own.overrides.task)))
         except ValueError as error:
-            codes.append(_complain(str(error)))
+            codes.append(complain(str(error)))
 
     try:
         with _arguments(argv):
@@ -49,10 +48,9 @@ def launch(task: Callable[[Composed], None], config_name: str, argv: Sequence[st
     except SystemExit as stop:  # --help, and argparse's own refusals
         return stop.code if isinstance(stop.code, int) else BAD_INPUT
     except KeyboardInterrupt:
-        print("interrupted; the same command with resume=true continues", file=sys.stderr)
-        return INTERRUPTED
+        return interrupted("the same command with resume=true continues")
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of Hydra, the job keeps its own
-        return _complain(_in_one_line(error, argv))
+        return complain(_in_one_line(error, argv))
     finally:
         GlobalHydra.instance().clear()
     return max(codes)
@@ -70,11 +68,6 @@ def _arguments(argv: Sequence[str]) -> Iterator[None]:
             mock.patch.dict(os.environ, HYDRA_FULL_ERROR="1"),
         ):
             yield
-
-
-def _complain(message: str) -> int:
-    print("error: " + " ".join(message.split()), file=sys.stderr)
-    return BAD_INPUT
 
 
 def _in_one_line(error: Exception, argv: Sequence[str]) -> str:

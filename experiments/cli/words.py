@@ -1,6 +1,7 @@
 """key=value words of the commands that need no Hydra: types and choices come from a dataclass of settings."""
 
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -36,6 +37,12 @@ def listed(name: str, given: str, known: Sequence[str]) -> tuple[str, ...]:
         if word not in known:
             raise ValueError(f"unknown {name} {word!r}; choose from {', '.join(known)}, or all")
     return tuple(word for word in known if word in chosen)
+
+
+def smoke_budget() -> dict[str, Any]:
+    """Read the seeds, iterations and training settings (`train`) of scale=smoke from the one file that states them."""
+    file = resources.files("experiments.cli.conf") / "scale" / "smoke.yaml"
+    return yaml.safe_load(file.read_text(encoding="utf-8"))
 
 
 def refuse_short_runs(seeds: int, iterations: int, out: str, results: str) -> None:

@@ -7,35 +7,35 @@ coding (bout, step), out, draws (of bootstrap and null models), seed. Bad input:
 import json
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from aircl_jax.figures.animals import ground_maps, transitions
 from envs.animals.data_folder import command_prefix
-from experiments.cli.words import parse
+from experiments.cli.command import run_command
 from experiments.figure2.analysis import NICE, Numbers, Settings, Study, analyse, read
 from experiments.figure2.report import report
 
 CELLS = 60  # of the map's regions along its longer side
 
 
-def main(arguments: list[str]) -> int:
-    try:
-        settings = parse(arguments, Settings(), __doc__)
-        study = read(settings)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+def main(argv: Sequence[str] | None = None) -> int:
+    return run_command(make, argv, Settings(), __doc__)
+
+
+def make(settings: Settings, words: Sequence[str]) -> None:
+    """Read, analyse, draw and write."""
+    study = read(settings)
     out = Path(settings.out)
     out.mkdir(parents=True, exist_ok=True)
     numbers = analyse(study, settings)
     draw(study, settings, numbers)
-    command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure2", *arguments])
+    command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure2", *words])
     (out / "numbers.json").write_text(json.dumps({"command": command, **numbers.as_json()}, indent=1) + "\n")
     (out / "report.md").write_text(report(study, numbers, command))
     print(out / "report.md")
-    return 0
 
 
 def draw(study: Study, settings: Settings, numbers: Numbers) -> None:
@@ -99,4 +99,4 @@ def note(numbers: Numbers, name: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

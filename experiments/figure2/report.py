@@ -3,6 +3,7 @@
 import numpy as np
 
 from aircl_jax.analysis.transition_distances import RiseTest
+from aircl_jax.reports import markdown
 from experiments.figure2.analysis import NICE, Numbers, Study
 
 LEVEL = 0.05  # of the tests' verdicts
@@ -17,11 +18,11 @@ def report(study: Study, numbers: Numbers, command: str) -> str:
         "## The inflexion\n\n" + verdict(study, numbers),
         "## Its tests\n\n" + rise_table(numbers),
         "## Long transitions\n\n" + long_pairs(study, numbers),
-        "## What was read\n\n" + "\n".join(f"- {line}" for line in study.report.lines()),
+        "## What was read\n\n" + markdown.bullets(study.report.lines()),
         "## Codes\n\n" + code_table(study),
         "## Figures\n\n" + FIGURES,
     ]
-    return "\n\n".join(parts) + "\n"
+    return markdown.paragraphs(*parts)
 
 
 FIGURES = """\
@@ -72,38 +73,43 @@ def _words(test: RiseTest) -> str:
 
 def rise_table(numbers: Numbers) -> str:
     """The largest rise at three bin widths, with and without the rows at missing coordinates."""
-    lines = [
-        "| missing coordinates | bin | rise | z | p under a falling trend | still rises in resampled recordings |",
-        "|---|---|---|---|---|---|",
-    ]
+    head = ("missing coordinates", "bin", "rise", "z", "p under a falling trend", "still rises in resampled recordings")
+    rows = []
     for name, words in (("with_missing", "counted as (0, 0, 0)"), ("without", "left out")):
         for test in numbers.rises[name]:
             rise = f"{test.counts[0]} at {test.low:g} → {test.counts[1]} at {test.high:g}"
             share = f"{100 * test.bootstrap_share:.0f} %"
-            lines.append(f"| {words} | {test.bin_width:g} | {rise} | {test.z:.2f} | {test.p_monotone:.3f} | {share} |")
+            rows.append((words, f"{test.bin_width:g}", rise, f"{test.z:.2f}", f"{test.p_monotone:.3f}", share))
     caution = "The p-values take transitions for independent; those of one track are not, so that the true p are larger."
-    return "\n".join([*lines, "", caution])
+    return "\n\n".join([markdown.table(head, rows), caution])
 
 
 def long_pairs(study: Study, numbers: Numbers) -> str:
     """The two boxed pairs."""
     pairs, names = numbers.pairs, study.coded.names
-    lines = [
-        "Boxed: the two most frequent pairs, by share of their start, with at least ten located cases and a mean",
-        f"distance beyond {numbers.long_distance:.3g}, which 95 % of all transitions stay below.",
-        "",
-        "| from | to | transitions | share of the start's | mean distance |",
-        "|---|---|---|---|---|",
+    rows = [
+        (
+            names[pair[0]],
+            names[pair[1]],
+            pairs.seen[pair],
+            f"{100 * pairs.frequency[pair]:.0f} %",
+            f"{pairs.mean_distance[pair]:.3g}",
+        )
+        for pair in numbers.long_pairs
     ]
-    for pair in numbers.long_pairs:
-        share = f"{100 * pairs.frequency[pair]:.0f} %"
-        ends = f"{names[pair[0]]} | {names[pair[1]]}"
-        lines.append(f"| {ends} | {pairs.seen[pair]} | {share} | {pairs.mean_distance[pair]:.3g} |")
-    return "\n".join(lines)
+    return "\n".join(
+        [
+            "Boxed: the two most frequent pairs, by share of their start, with at least ten located cases and a mean",
+            f"distance beyond {numbers.long_distance:.3g}, which 95 % of all transitions stay below.",
+            "",
+            markdown.table(("from", "to", "transitions", "share of the start's", "mean distance"), rows),
+        ]
+    )
 
 
 def code_table(study: Study) -> str:
     """Figure 2(g) in words."""
     rows = np.bincount(study.coded.code, minlength=len(study.coded.names))
-    lines = ["| code | state | rows |", "|---|---|---|"]
-    return "\n".join(lines + [f"| {code} | {name} | {rows[code]:,} |" for code, name in enumerate(study.coded.names)])
+    return markdown.table(
+        ("code", "state", "rows"), [(code, name, f"{rows[code]:,}") for code, name in enumerate(study.coded.names)]
+    )

@@ -15,36 +15,27 @@ import numpy as np
 
 from aircl_jax.analysis.causal import strongest
 from aircl_jax.figures.animals import causal_links
+from aircl_jax.figures.grids import codes
 from aircl_jax.figures.style import DPI, STYLE
 from envs import Codes
 from envs.animals.data_folder import command_prefix
-from experiments.cli.words import parse
+from experiments.cli.command import run_command
 from experiments.figure4 import cells, held_out, report
 from experiments.figure4.cells import Settings, Study
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make what is missing, then the report; 0 done, 2 bad input, 130 interrupted."""
-    arguments = sys.argv[1:] if argv is None else list(argv)
-    try:
-        settings = parse(arguments, Settings(), __doc__)
-        study = cells.read(settings)
-        methods = cells.methods(settings, study)
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure4", *arguments])
-    try:
-        for found in collect(settings, study, methods):  # a report after every cell: what is finished can be read
-            write(settings, study, found, command)
-    except KeyboardInterrupt:
-        print("interrupted; the same command continues", file=sys.stderr)
-        return 130
-    except cells.OtherSettingsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    return run_command(make, argv, Settings(), __doc__, then="the same command continues")
+
+
+def make(settings: Settings, words: Sequence[str]) -> None:
+    """Make what is missing, then the report."""
+    study = cells.read(settings)
+    methods = cells.methods(settings, study)
+    command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure4", *words])
+    for found in collect(settings, study, methods):  # a report after every cell: what is finished can be read
+        write(settings, study, found, command)
     print(study.folder / "report.md")
-    return 0
 
 
 def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterator[report.Found]:

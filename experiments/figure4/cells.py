@@ -24,6 +24,7 @@ from aircl_jax.analysis.causal import (
     yardsticks,
 )
 from aircl_jax.analysis.recovered import Recovered, recover
+from aircl_jax.methods import METHODS
 from aircl_jax.model.networks import Networks
 from aircl_jax.settings.parse import at_least
 from aircl_jax.storage import write_whole
@@ -31,19 +32,13 @@ from aircl_jax.types import TrainState
 from envs import Tabular
 from envs.animals.meerkat import Herd, load
 from envs.options import MeerkatOptions
-from experiments.cli.words import listed
+from experiments.cli.words import listed, smoke_budget
 from experiments.shared.commits import current_commit
 
-METHODS = ("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc")
-GIVEN_REWARD = ("icrl", "icrl_prior")  # where there is a true reward: on the simulated mob
-SMOKE = {
-    "num_trajectories": 10,
-    "num_evaluation": 8,
-    "checkpoint_every": 2,
-    "clone_epochs": 1,
-    "adversary": {"num_steps": 1},
-    "ppo": {"num_epochs": 1},
-}
+ROWS = (
+    *("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc"),
+    *("icrl", "icrl_prior"),
+)
 LAGS = (1, 5)  # τ_max of the analyses
 POOL = 4  # episodes of π for each window that is drawn from them by δ̄
 KEY_WINDOWS = 4  # folded into a state's key: other episodes than training's or the evaluation's
@@ -70,12 +65,12 @@ class Settings:
 
     @property
     def iterations(self) -> int | Literal["default"]:
-        return "default" if self.scale == "full" else 2
+        return "default" if self.scale == "full" else smoke_budget()["iterations"]
 
     @property
     def training(self) -> dict[str, Any]:
         """What is changed of a method's own settings."""
-        return {} if self.scale == "full" else SMOKE
+        return {} if self.scale == "full" else smoke_budget()["train"]
 
 
 class Study(NamedTuple):
@@ -107,14 +102,10 @@ def read(settings: Settings) -> Study:
     return Study(herd, codes, real, out / kind, current_commit())
 
 
-class OtherSettingsError(ValueError):
-    """A finished cell is not what is asked for."""
-
-
 def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """The cell of that file, made and written if it is not there: what is finished is not done again.
 
-    Raises OtherSettingsError, in one line, where one is there that says something else of what is `asked`.
+    Raises ValueError, in one line, where one is there that says something else of what is `asked`.
     """
     if not path.exists():
         print(f"making {path}", flush=True)
@@ -124,13 +115,18 @@ def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]
     cell = json.loads(path.read_text())
     for name, value in asked.items():
         if cell[name] != value:
-            raise OtherSettingsError(f"{path} has {name}={cell[name]}, asked for is {value}; give out=DIR, or remove the file")
+            raise ValueError(f"{path} has {name}={cell[name]}, asked for is {value}; give out=DIR, or remove the file")
     return cell
 
 
 def methods(settings: Settings, study: Study) -> tuple[str, ...]:
     """The methods asked for, in the order of the table. ValueError for one that is not of it."""
-    return listed("method", settings.methods, METHODS + (GIVEN_REWARD if study.simulated else ()))
+    return listed("method", settings.methods, [name for name in ROWS if study.simulated or not _needs_known_reward(name)])
+
+
+def _needs_known_reward(name: str) -> bool:
+    """Whether the row can be trained only where somebody knows the true reward: on the simulated mob."""
+    return METHODS[name].needs_true_reward and not METHODS[name].assumes_no_reward
 
 
 def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]:

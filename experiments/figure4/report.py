@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from aircl_jax.reports import markdown
 from aircl_jax.reports.recovered_words import in_words
 from envs import Codes
 from experiments.figure4.cells import Settings, Study, from_json
@@ -63,19 +64,18 @@ def report(settings: Settings, study: Study, found: Found, command: str, caption
         parts += [f"![{name}]({name}.png)\n\n{caption}" for name, caption in captions.items()]
     parts.append("## Settled?\n\n" + settled(found))
     parts.append("## What the cells were made with\n\n" + made_with(found))
-    parts.append(
-        "## Alarms\n\n" + "\n".join(f"- {name}: {line}" for name, cell in found.methods.items() for line in cell["alarms"])
-    )
-    return "\n\n".join(parts) + "\n"
+    alarms = [f"{name}: {line}" for name, cell in found.methods.items() for line in cell["alarms"]]
+    parts.append("## Alarms\n\n" + markdown.bullets(alarms))
+    return markdown.paragraphs(*parts)
 
 
 def made_with(found: Found) -> str:
     rows = [
-        f"| {name} | {cell['commit']} | {cell['iterations']} | {cell['wall_s']:.0f} | `{cell['command']}` |"
+        (name, cell["commit"], cell["iterations"], f"{cell['wall_s']:.0f}", f"`{cell['command']}`")
         for name, cell in found.methods.items()
     ]
-    head = "| | commit | iterations | seconds | trained as by |\n|---|---|---|---|---|\n"
-    return head + "\n".join(rows) + "\n\nA method's settings are those of `aircl_jax/settings/train_config.py` at its commit."
+    made = markdown.table(("", "commit", "iterations", "seconds", "trained as by"), rows)
+    return made + "\n\nA method's settings are those of `aircl_jax/settings/train_config.py` at its commit."
 
 
 def _lags(lag: str) -> str:
@@ -86,23 +86,19 @@ def difference_table(found: Found, lag: str) -> str:
     """Methods and yardsticks: mean ± std over seeds, in noise floors, and paired against the corrected row."""
     floor = float(np.mean(found.yardsticks[lag]["per_seed"]["noise_floor"]))
     ours = found.methods[SHOWN]["difference"]["sampled"][lag] if SHOWN in found.methods else None
-    lines = [
-        f"| | q | π | q, in noise floors | q less {SHOWN}'s [95 %] | p |",
-        "|---|---|---|---|---|---|",
-    ]
+    rows = []
     for name, cell in found.methods.items():
         sampled, policy = (cell["difference"][of][lag] for of in ("sampled", "policy"))
         against = ("", "") if ours is None or name == SHOWN else _against(sampled, ours)
-        row = (name, spread(sampled), spread(policy), f"{np.mean(sampled) / floor:.2f}", *against)
-        lines.append(f"| {' | '.join(row)} |")
+        rows.append((name, spread(sampled), spread(policy), f"{np.mean(sampled) / floor:.2f}", *against))
     for name, values in named_yardsticks(found.yardsticks, lag).items():
         against = ("", "") if ours is None or name in ("two halves", "noise floor") else _against(values, ours)
-        lines.append(f"| *{name}* | {spread(values)} | | {np.mean(values) / floor:.2f} | {against[0]} | {against[1]} |")
+        rows.append((f"*{name}*", spread(values), "", f"{np.mean(values) / floor:.2f}", *against))
     real = found.yardsticks[lag]["per_seed"]["real_strength"][0]
     seeds = sorted({len(cell["seeds"]) for cell in found.methods.values()})
     return "\n".join(
         [
-            *lines,
+            markdown.table(("", "q", "π", "q, in noise floors", f"q less {SHOWN}'s [95 %]", "p"), rows),
             "",
             f"Mean ± std over {' or '.join(map(str, seeds))} seeds; mean |V| of the recordings {real:.4f}. p: Wilcoxon's",
             "signed ranks of the seeds' differences. Noise floor: two halves / √2, what a perfect model of as many windows",
@@ -140,19 +136,19 @@ def held_out(found: Found) -> str:
         return "Not made: `folds=9` does it."
     scores = fold_scores(found)
     chain, folds = scores["Markov chain"], len(scores["Markov chain"])
-    lines = ["| | mean log P of the next code | less the chain's [95 % over folds] | folds won |", "|---|---|---|---|"]
+    rows = []
     for name, values in scores.items():
         if name == "Markov chain":
-            lines.append(f"| *first-order Markov chain* | {spread(values, 4)} | | |")
+            rows.append(("*first-order Markov chain*", spread(values, 4), "", ""))
             continue
         found_effect = effect(values, chain)
         won = int(np.sum(np.array(values) > chain))
         interval = f"{found_effect.mean:+.4f} [{found_effect.low:+.4f}, {found_effect.high:+.4f}]"
-        lines.append(f"| {name} | {spread(values, 4)} | {interval} | {won} of {folds} |")
+        rows.append((name, spread(values, 4), interval, f"{won} of {folds}"))
     smoothing = sorted({cell["smoothing"] for cell in next(iter(found.held_out.values()))})
     return "\n".join(
         [
-            *lines,
+            markdown.table(("", "mean log P of the next code", "less the chain's [95 % over folds]", "folds won"), rows),
             "",
             f"{folds} folds, each leaves out two recordings; one seed of a method a fold. The chain's pseudo-count is chosen",
             f"by leaving out one training recording at a time ({', '.join(f'{s:g}' for s in smoothing)}).",
@@ -163,8 +159,7 @@ def held_out(found: Found) -> str:
 
 def prior(found: Found, lag: str) -> str:
     """With and without Eq. 13, effects with intervals."""
-    lines = ["| measure | with | without | difference [95 %] | d | p |", "|---|---|---|---|---|---|"]
-    made = False
+    rows, made = [], False
     for with_it, without in PRIOR:
         if with_it not in found.methods or without not in found.methods:
             continue
@@ -173,18 +168,24 @@ def prior(found: Found, lag: str) -> str:
             if any(value is None for side in values for value in side):
                 continue
             one = effect(*values)
-            lines.append(
-                f"| {name}: {with_it} − {without} | {spread(values[0])} | {spread(values[1])} | "
-                f"{one.mean:+.4f} [{one.low:+.4f}, {one.high:+.4f}] | {one.size:+.2f} | {one.p:.3f} |"
+            rows.append(
+                (
+                    f"{name}: {with_it} − {without}",
+                    *map(spread, values),
+                    f"{one.mean:+.4f} [{one.low:+.4f}, {one.high:+.4f}]",
+                    f"{one.size:+.2f}",
+                    f"{one.p:.3f}",
+                )
             )
     known = "" if "icrl" in found.methods else " ICRL needs the true reward, which nobody knows here; see the simulated mob."
     note = f"d: mean difference in standard deviations of the differences. For |ΔV| less is better.{known}"
-    return "\n".join([*lines, "", note]) if made else f"No pair is finished yet.{known}"
+    head = ("measure", "with", "without", "difference [95 %]", "d", "p")
+    return "\n\n".join([markdown.table(head, rows), note]) if made else f"No pair is finished yet.{known}"
 
 
 def _measures(found: Found, lag: str, *names: str) -> dict[str, list[list[float]]]:
     cells = [found.methods[name] for name in names]
-    measured = {"mean \\|ΔV\\|": [cell["difference"]["sampled"][lag] for cell in cells]}
+    measured = {"mean |ΔV|": [cell["difference"]["sampled"][lag] for cell in cells]}
     for metric, words in (
         ("feasibility_auroc", "AUROC of δ̄"),
         ("feasibility_gap", "gap of δ̄"),
@@ -197,10 +198,11 @@ def _measures(found: Found, lag: str, *names: str) -> dict[str, list[list[float]
 
 def settled(found: Found) -> str:
     """Means over the seeds at three quarters of the training and at its end."""
-    lines = ["| | entropy of π at ¾ | at the end | wall time (s) |", "|---|---|---|---|"]
+    rows = []
     for name, cell in found.methods.items():
         curve = np.array(cell["curves"]["entropy"], float)
         fifth = max(1, len(curve) // 10)
         at = int(len(curve) * 0.75)
-        lines.append(f"| {name} | {curve[at : at + fifth].mean():.3f} | {curve[-fifth:].mean():.3f} | {cell['wall_s']:.0f} |")
-    return "\n".join(lines)
+        ends = (curve[at : at + fifth], curve[-fifth:])
+        rows.append((name, *(f"{part.mean():.3f}" for part in ends), f"{cell['wall_s']:.0f}"))
+    return markdown.table(("", "entropy of π at ¾", "at the end", "wall time (s)"), rows)

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from aircl_jax.algorithm.measures import auroc
 from aircl_jax.analysis.recovered import LEAST_EXPECTED, expected
+from aircl_jax.reports import markdown
 from envs.animals.simulated_meerkats import Truth
 from experiments.figure4.cells import Study, from_json
 from experiments.shared.paired_tests import spread
@@ -27,7 +28,7 @@ def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:
     truth = cast(Truth, study.herd.truth)
     heads = ("", "corr(f, r), π's feasible steps", "each seen pair once", "without going on", "AUROC of δ̄, windows", "gap")
     heads += ("AUROC of δ₁, changes", "violations, q", "π")
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    rows = []
     moved = ~np.eye(len(truth.reward), dtype=bool)
     for name, cell in cells.items():
         recovered, measured = from_json(cell["recovered"]), cell["metrics"]
@@ -40,11 +41,10 @@ def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:
         ranked = [_auroc(one[judged], ~truth.forbidden[judged]) for one in recovered.delta]
         reward, windows, gap = (spread(measured[key]["per_seed"], 3) for key in MEASURED)
         rates = [spread(measured[key]["per_seed"], 3) for key in RATES]
-        row = (name, reward, by_pair, by_change, windows, gap, spread(ranked, 2), *rates)
-        lines.append(f"| {' | '.join(row)} |")
+        rows.append((name, reward, by_pair, by_change, windows, gap, spread(ranked, 2), *rates))
     correlations, ranking = _by_counting(study, truth, moved)
-    lines.append(f"| *counting* | {' | '.join(correlations)} | | | {ranking} | | |")
-    return "\n".join([*lines, "", NOTE])
+    rows.append(("*counting*", *correlations, "", "", ranking, "", ""))
+    return "\n\n".join([markdown.table(heads, rows), NOTE])
 
 
 def _chance(seen: Int[np.ndarray, "C C"], truth: Truth) -> tuple[Float[np.ndarray, "C C"], Bool[np.ndarray, "C C"]]:

@@ -11,23 +11,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from experiments.cli.words import SEEDS, listed, parse
+from experiments.cli.command import BAD_INPUT, DONE, complain, run_command
+from experiments.cli.words import SEEDS, listed, smoke_budget
 from experiments.shared.commits import current_commit
 from experiments.table1 import cells, claims_report, report
 from experiments.table1.cells import COLUMNS, ROWS, Job
 
 RESULTS = Path("results")
-SMOKE: dict[str, Any] = {
-    "num_trajectories": 4,
-    "num_demonstrations": 4,
-    "num_evaluation": 4,
-    "clone_epochs": 1,
-    "ppo": {"num_epochs": 1},
-    "adversary": {"num_steps": 1},
-}
-
 SMOKE_ON_ROBOTS = ("airl", "aircl", "aircl_corrected", "bc")  # one of each kind: what takes the time is compiling
 
 
@@ -44,24 +36,19 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train what is missing and write the table and the claims; 0 done, 2 bad input, 130 interrupted."""
-    words = sys.argv[1:] if argv is None else list(argv)
-    try:
-        settings = parse(words, Settings(), __doc__)
-        job = job_of(settings)
-        chosen = chosen_cells(settings)
-        cells.load(job)  # refuses what is of another scale, before anything is trained
-        refused = make(job, chosen, settings.overwrite) if settings.train else {}
-        write(job, refused, shlex.join(["python", "-m", "experiments.table1", *words]))
-    except ValueError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the same command continues", file=sys.stderr)
-        return 130
+    return run_command(make_table, argv, Settings(), __doc__, then="the same command continues")
+
+
+def make_table(settings: Settings, words: Sequence[str]) -> int:
+    """Train what is missing and write the table and the claims; bad input where a cell was refused."""
+    job = job_of(settings)
+    chosen = chosen_cells(settings)
+    cells.load(job)  # refuses what is of another scale, before anything is trained
+    refused = make(job, chosen, settings.overwrite) if settings.train else {}
+    write(job, refused, shlex.join(["python", "-m", "experiments.table1", *words]))
     for reason in refused.values():
-        print(f"error: {reason}", file=sys.stderr)
-    return 2 if refused else 0
+        complain(reason)
+    return BAD_INPUT if refused else DONE
 
 
 def chosen_cells(settings: Settings) -> list[tuple[str, str]]:
@@ -88,8 +75,9 @@ def job_of(settings: Settings) -> Job:
         raise ValueError(f"out={settings.out}: scale=smoke makes no results; choose a folder outside {RESULTS}")
     out = Path("runs/smoke/table1") if smoke and settings.out == "default" else published
     runs = Path("runs/table1") if out == RESULTS else out / "runs"
-    own = (2, 4, SMOKE) if smoke else (SEEDS, 0, {})
-    return Job(settings.scale, settings.seeds or own[0], settings.iterations or own[1], out, runs, own[2])
+    own = smoke_budget() if smoke else {"seeds": SEEDS, "iterations": 0, "train": {}}
+    seeds, iterations = settings.seeds or own["seeds"], settings.iterations or own["iterations"]
+    return Job(settings.scale, seeds, iterations, out, runs, own["train"])
 
 
 def make(job: Job, chosen: Sequence[tuple[str, str]], overwrite: bool) -> dict[tuple[str, str], str]:

@@ -23,7 +23,6 @@ from experiments.shared.paired_tests import Values
 from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER
 
 ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "bc")
-KNOWS_REWARD = ("gacl", "icrl", "icrl_prior")  # rows that are given the true reward
 POINTS = 20  # of a learning curve, at least
 CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
 

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from aircl_jax.methods import METHODS
 from experiments.shared.paired_tests import SIGNIFICANCE, against_best, mean, spread
 from experiments.shared.paper import PAPER
-from experiments.table1.cells import COLUMNS, KNOWS_REWARD, ROWS, Study
+from experiments.table1.cells import COLUMNS, ROWS, Study
 from experiments.table1.claim_rules import Bound, Contrast, Finding, Harder, Rule, Verdict, missing, told
 
 EVEN = math.log(0.6 / 0.4)  # |logit| below which D is between 0.4 and 0.6
@@ -131,7 +132,7 @@ def judged(study: Study, claim: Claim) -> Judged:
 def best_without_reward(study: Study) -> list[Finding]:
     """Is `aircl_corrected` best or tied in the violation rate of q among the rows that know no reward?"""
     found = []
-    rows = [method for method in ROWS if method not in KNOWS_REWARD]
+    rows = [method for method in ROWS if not METHODS[method].needs_true_reward]
     for env in COLUMNS:
         absent = missing(study, env, rows)
         adjusted = {} if absent else against_best(study.column(env, "violation_rate", rows), lower=True)

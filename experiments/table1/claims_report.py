@@ -3,12 +3,13 @@
 from collections import Counter
 from collections.abc import Sequence
 
+from aircl_jax.reports import markdown as md
 from experiments.shared.paired_tests import FEWEST_SEEDS
 from experiments.table1 import claims, convergence
 from experiments.table1.cells import Study
 from experiments.table1.claim_rules import LOWER_IS_BETTER, Bound, Contrast, Finding, Harder, overall
 from experiments.table1.claims import Judged
-from experiments.table1.report import table, warning
+from experiments.table1.report import warning
 
 
 def markdown(study: Study) -> str:
@@ -39,15 +40,14 @@ def markdown(study: Study) -> str:
         "# Evidence",
         *(_evidence(*one) for one in (*paper, *ours, *measure)),
         "# Rules",
-        "\n".join(f"- {rule}" for rule in _rules()),
+        md.bullets(_rules()),
     ]
-    return "\n\n".join(parts) + "\n"
+    return md.paragraphs(*parts)
 
 
 def _summary(title: str, judged: Sequence[Judged]) -> str:
-    rows = [("claim", "where", "what we measured", "verdict")]
-    rows += [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in judged]
-    return f"## {title}\n\n" + table(rows)
+    rows = [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in judged]
+    return f"## {title}\n\n" + md.table(("claim", "where", "what we measured", "verdict"), rows)
 
 
 def _verdict(findings: Sequence[Finding]) -> str:
@@ -68,11 +68,11 @@ def _counted(findings: Sequence[Finding]) -> str:
 
 
 def _evidence(text: str, where: str, findings: Sequence[Finding]) -> str:
-    rows = [("env", "line", "what we measured", "verdict")]
+    rows = []
     for finding in findings:
         verdict = finding.verdict + (f" ({finding.because})" if finding.because else "")
-        rows.append((finding.env, finding.what.replace("|", "\\|"), finding.measured, verdict))
-    return f"## {text} ({where})\n\n" + table(rows)
+        rows.append((finding.env, finding.what, finding.measured, verdict))
+    return f"## {text} ({where})\n\n" + md.table(("env", "line", "what we measured", "verdict"), rows)
 
 
 def _rules() -> list[str]:

@@ -1,16 +1,18 @@
 """Table 1 as Markdown and as JSON: ours beside the paper's, what the seeds can show, and what every cell was made with."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from aircl_jax.methods import METHODS
+from aircl_jax.reports import markdown as md
 from aircl_jax.reports.summary import statistics, versions
 from experiments.shared.commits import changed_since
 from experiments.shared.paired_tests import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, each, interval
 from experiments.shared.paper import PAPER
-from experiments.table1.cells import COLUMNS, KNOWS_REWARD, ROWS, Cell, Study, other_settings
+from experiments.table1.cells import COLUMNS, ROWS, Cell, Study, other_settings
 from experiments.table1.convergence import STILL, settled
 
 LEVELS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # of the violation rate, in the performance profile
@@ -52,7 +54,7 @@ def markdown(study: Study) -> str:
         *_every_seed(study),
         *_alarms(study),
     ]
-    return "\n\n".join(parts) + "\n"
+    return md.paragraphs(*parts)
 
 
 def as_json(study: Study) -> str:
@@ -119,8 +121,8 @@ def _heading(study: Study) -> list[str]:
 def _missing(study: Study) -> list[str]:
     if not study.missing:
         return []
-    lines = [f"- {reason}: {', '.join(places)}" for reason, places in _grouped(study.missing).items()]
-    return ["## Missing cells", "\n".join(lines)]
+    lines = [f"{reason}: {', '.join(places)}" for reason, places in _grouped(study.missing).items()]
+    return ["## Missing cells", md.bullets(lines)]
 
 
 def _grouped(places: Mapping[tuple[str, str], str]) -> dict[str, list[str]]:
@@ -149,11 +151,11 @@ def _measure_table(study: Study, measure: Measure) -> str:
             if printed:
                 row.append(_printed(PAPER[env].get(method, {}).get(measure.metric)))
         rows.append(row)
-    return f"## {measure.title}\n\n" + table([head, *rows])
+    return f"## {measure.title}\n\n" + md.table(head, rows)
 
 
 def name_of(method: str) -> str:
-    return f"`{method}`" + (" †" if method in KNOWS_REWARD else "")
+    return f"`{method}`" + (" †" if METHODS[method].needs_true_reward else "")
 
 
 def shown(values: Values | None) -> str:
@@ -172,12 +174,6 @@ def _printed(value: tuple[float, float] | None) -> str:
     return "—" if value is None else f"{value[0]:.3f} ± {value[1]:.3f}"
 
 
-def table(rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table; the first row is its head."""
-    head, *body = [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join([head, "|---" * (head.count(" | ") + 1) + "|", *body])
-
-
 def _effort_table(study: Study) -> str:
     rows = []
     for method in ROWS:
@@ -190,7 +186,7 @@ def _effort_table(study: Study) -> str:
     return (
         "## Wall time, environment steps, and whether the curve has settled\n\n"
         "All seeds together. Settled: the violation rate of π, mean over seeds, differs between the last two quarters of the "
-        f"training by no more than its standard deviation over seeds at the end, or than {STILL:g}.\n\n" + table([head, *rows])
+        f"training by no more than its standard deviation over seeds at the end, or than {STILL:g}.\n\n" + md.table(head, rows)
     )
 
 
@@ -204,7 +200,7 @@ def _profile(study: Study) -> list[str]:
         shares = [f"{np.mean([run <= level for run in runs]):.2f}" for level in LEVELS] if runs else ["—"] * len(LEVELS)
         rows.append([name_of(method), *shares, ", ".join(envs) or "—"])
     head = ["method", *(f"≤ {level:g}" for level in LEVELS), "over the seeds of"]
-    return ["## Performance profile: share of runs by violation rate of π", table([head, *rows])]
+    return ["## Performance profile: share of runs by violation rate of π", md.table(head, rows)]
 
 
 def _provenance(study: Study) -> list[str]:
@@ -215,12 +211,12 @@ def _provenance(study: Study) -> list[str]:
     for commit, places in commits.items():
         changed = changed_since(commit.split()[-1])
         state = {True: "the library has changed since", False: "the library is the same today", None: "cannot be compared"}
-        lines.append(f"- commit `{commit}` ({state[changed]}): {'; '.join(_grouped(places)[''])}")
+        lines.append(f"commit `{commit}` ({state[changed]}): {'; '.join(_grouped(places)[''])}")
     differing = other_settings(study.job, study.cells)
-    lines += [f"- **other settings**, {difference}: {', '.join(places)}" for difference, places in differing.items()]
+    lines += [f"**other settings**, {difference}: {', '.join(places)}" for difference, places in differing.items()]
     example = next(iter(study.cells.values()), None)
-    lines += [f"- a cell's own command, for instance: `{example['command']}`"] if example else []
-    return ["## What the cells were made with", "\n".join(lines) or "No cell is there yet."]
+    lines += [f"a cell's own command, for instance: `{example['command']}`"] if example else []
+    return ["## What the cells were made with", md.bullets(lines) or "No cell is there yet."]
 
 
 def _every_seed(study: Study) -> list[str]:
@@ -232,12 +228,12 @@ def _every_seed(study: Study) -> list[str]:
             if cell:
                 kinds = (("RCAcc", "rc_acc"), ("q", "violation_rate"), ("π", "violation_rate_policy"))
                 seeds = [f"{word} {each(cell['metrics'][metric]['per_seed'])}" for word, metric in kinds]
-                lines.append(f"- {method}: {'; '.join(seeds)}")
+                lines.append(f"{method}: {'; '.join(seeds)}")
         if lines:
-            parts += [f"{env}: RCAcc, violation rates of q and of π", "\n".join(lines)]
+            parts += [f"{env}: RCAcc, violation rates of q and of π", md.bullets(lines)]
     return parts
 
 
 def _alarms(study: Study) -> list[str]:
-    lines = [f"- {env}/{method}: {sentence}" for (env, method), cell in study.cells.items() for sentence in cell["alarms"]]
-    return ["## Alarms", "\n".join(lines) or "None rang."]
+    lines = [f"{env}/{method}: {sentence}" for (env, method), cell in study.cells.items() for sentence in cell["alarms"]]
+    return ["## Alarms", md.bullets(lines) or "None rang."]

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm import evaluation
+from aircl_jax.algorithm import evaluation, scoring
 from aircl_jax.algorithm.sampler import SAMPLERS
 from aircl_jax.algorithm.trainer import observation_stats
 from aircl_jax.model.networks import Networks
@@ -66,7 +66,7 @@ def found(row: str) -> dict[str, float]:
     nets, params, stats, sets = setting(row)
     state = TrainState(params, None, None, stats, sets["policy"], jax.random.key(3), jnp.asarray(7, jnp.int32))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(metrics, "rollouts", lambda *_: sets["policy"])
+        patch.setattr(scoring, "rollouts", lambda *_: sets["policy"])
         patch.setitem(SAMPLERS, "resample", worst_first)
         evaluate = jax.jit(partial(evaluation.evaluate, nets), compiler_options=UNOPTIMISED)
         return {name: float(value) for name, value in evaluate(state, sets["expert"], sets["reference"]).items()}

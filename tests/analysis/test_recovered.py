@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.analysis.recovered import Recovered, avoided, beginning, expected, rank_agreement, rewarding
-from aircl_jax.figures.grids import codes
+from aircl_jax.figures.grids import codes, maze
 from aircl_jax.reports.recovered_words import in_words
 from envs import Codes, Maze
 

@@ -16,7 +16,11 @@ from experiments.cli.hydra_cli import Composed
 from tests.worlds import command_module
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", *(f"docs/{page}.md" for page in ("guide", "results", "animals", "equations", "experts", "physics")))
+PAGES = (
+    "README.md",
+    "CONTRIBUTING.md",
+    *(f"docs/{page}.md" for page in ("guide", "results", "animals", "equations", "experts", "physics")),
+)
 
 
 def blocks(page: str, language: str) -> list[str]:

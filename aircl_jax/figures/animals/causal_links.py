@@ -60,7 +60,7 @@ def differences(methods: Mapping[str, Sequence[float]], yardsticks: Mapping[str,
     axis = figure.subplots()
     for height, (name, seeds) in enumerate(zip(names, values, strict=True)):
         colour = GREY if name in yardsticks else BLUE
-        _row(axis, float(height), seeds, colour)
+        _row(axis, height, seeds, colour)
     floor = float(np.mean(yardsticks["noise floor"])) if "noise floor" in yardsticks else None
     if floor is not None:
         axis.axvline(floor, color=GREEN, lw=1, zorder=0)
@@ -84,14 +84,14 @@ def held_out(scores: Mapping[str, Sequence[float]]) -> Figure:
     axis = figure.subplots()
     height = np.arange(len(names))
     axis.plot(values, height, color=GREY, lw=0.5, alpha=0.6, zorder=1)
-    for row, one in zip(height, values, strict=True):
-        _row(axis, float(row), one, ORANGE if names[row] == "Markov chain" else BLUE)
+    for row, one in enumerate(values):
+        _row(axis, row, one, ORANGE if names[row] == "Markov chain" else BLUE)
     axis.set_yticks(height, names)
     axis.set_ylim(len(names) - 0.5, -0.5)
     axis.set_xlabel("mean log-probability of the next code (nats; folds joined)")
     return figure
 
 
-def _row(axis: Axes, height: float, values: Float[np.ndarray, " S"], colour: str) -> None:
+def _row(axis: Axes, height: int, values: Float[np.ndarray, " S"], colour: str) -> None:
     axis.plot(values, np.full(len(values), height), "o", color=colour, ms=2.5, alpha=0.5, zorder=2)
     axis.plot(values.mean(), height, "|", color=BLACK, ms=9, mew=1.4, zorder=3)

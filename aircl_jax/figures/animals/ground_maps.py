@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from scipy.spatial import KDTree
 
-from aircl_jax.figures.animals.transitions import STYLE, mark_simulated
+from aircl_jax.figures.animals.transitions import mark_simulated
+from aircl_jax.figures.style import LARGER
 
 REACH = 1.5  # cells: how far a place is drawn beyond the rows that name it
 PLACE_COLOURS = (
@@ -64,7 +65,7 @@ def regions(rows: Rows, cell: float, num_places: int) -> tuple[Int[np.ndarray, "
 
 def place_map(ground: Ground, places: Sequence[str], cell: float, *, points: bool, simulated: bool) -> Figure:
     """Draw Figures 2(b) and 8: places as regions of the ground, one panel for each camera; with rows as points if asked."""
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LARGER):
         figure, axes = _ground_axes(ground, height=3.4)
         for axis, rows in zip(axes, ground.cameras.values(), strict=True):
             draw_regions(axis, rows, len(places), cell, alpha=0.35 if points else 0.9)
@@ -95,7 +96,7 @@ def transition_map(
 ) -> Figure:
     """Draw Figure 2(f): every case of a long transition as an arrow over the places, one panel for each transition."""
     arrow = {"arrowstyle": "-|>", "color": "black", "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LARGER):
         figure = Figure(figsize=(4.6 * len(transitions), 3.3), layout="constrained")
         axes = figure.subplots(1, len(transitions), squeeze=False)[0]
         for axis, cases in zip(axes, transitions, strict=True):
@@ -112,7 +113,7 @@ def transition_map(
 
 def activity_map(ground: Ground, simulated: bool) -> Figure:
     """Draw Figure 7: rows (animal-seconds) on the ground in log scale, one panel for each camera."""
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LARGER):
         figure, axes = _ground_axes(ground, height=3.0)
         for axis, rows in zip(axes, ground.cameras.values(), strict=True):
             image = axis.hexbin(*rows.position.T, gridsize=55, mincnt=1, cmap="inferno", norm=LogNorm(), lw=0)

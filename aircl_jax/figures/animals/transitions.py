@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -11,16 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.typing import RcKeyType
 
 from aircl_jax.analysis.transition_distances import Histogram, Pairs
+from aircl_jax.figures.style import DPI, LARGER
 
-STYLE: dict[RcKeyType, Any] = {
-    "font.size": 8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
-DPI = 200
 BLUE, ORANGE, GREY = "#2f6fab", "#d1603d", "#8a8a8a"
 
 
@@ -31,7 +24,7 @@ def save(figure: Figure, path: Path) -> None:
 
 def distance_histograms(panels: dict[str, tuple[Histogram, str]], unit: str, simulated: bool) -> Figure:
     """Draw Figure 2(c): a column for each way of counting, with a note on it; histogram above, cumulative share below."""
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LARGER):
         figure = Figure(figsize=(4.2 * len(panels), 4.6), layout="constrained")
         axes = figure.subplots(2, len(panels), sharex=True, sharey="row", squeeze=False, height_ratios=(3, 2))
         for column, (title, (panel, note)) in enumerate(panels.items()):
@@ -74,7 +67,7 @@ def pair_maps(
     """Draw Figures 2(d), mean distance, and 2(e), share of each starting code with the long transitions boxed."""
     distance = np.where(pairs.located > 0, pairs.mean_distance, np.nan)
     frequency = np.where(pairs.seen > 0, pairs.frequency, np.nan)
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LARGER):
         first = _matrix(distance, names, f"mean distance ({unit})", marked)
         second = _matrix(frequency, names, "share of the transitions out of a code", marked)
         for figure in (first, second):
@@ -102,7 +95,7 @@ def code_table(names: Sequence[str], rows: Int[np.ndarray, " C"], simulated: boo
     half = -(-len(names) // 2)
     share = rows / rows.sum()
     cells = [f"{code}  {name}" for code, name in enumerate(names)]
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LARGER):
         figure = Figure(figsize=(6.4, 0.24 * half + 0.5), layout="constrained")
         axis = figure.subplots()
         axis.axis("off")

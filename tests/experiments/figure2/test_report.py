@@ -14,6 +14,7 @@ from matplotlib.text import Annotation
 from aircl_jax.analysis.transition_distances import RiseTest
 from aircl_jax.figures.animals import ground_maps
 from aircl_jax.figures.animals import transitions as plots_animals
+from aircl_jax.figures.style import LARGER
 from envs.animals.columns import ColumnMapping
 from envs.animals.tracks import Tracks
 from envs.animals.windows import Coded, Report, Transitions
@@ -217,7 +218,7 @@ def test_the_arrows_of_figure_2f_are_drawn_from_start_to_end(figures):
 def test_places_are_drawn_with_the_far_side_up_and_named_by_their_colours():
     rows = ground_maps.Rows(np.array([[0.5, 0.5], [0.5, 1.5], [1.5, 0.5]]), np.array([0, 1, 2]))
     ground = ground_maps.Ground({"north": rows}, "metres")
-    with mpl.rc_context(plots_animals.STYLE):
+    with mpl.rc_context(LARGER):
         figure = ground_maps.place_map(ground, ("burrow", "field", "track"), 1.0, points=False, simulated=False)
     image = figure.axes[0].images[0]
     assert np.asarray(image.get_array())[:, 0].tolist() == [0, 1]  # from below: 0 at y of 0.5, 1 at 1.5

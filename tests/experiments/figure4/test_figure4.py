@@ -9,7 +9,7 @@ from aircl_jax.analysis.causal import markov_chain
 from aircl_jax.analysis.recovered import Recovered
 from envs.animals.meerkat import load
 from envs.options import MeerkatOptions
-from experiments.figure4 import cells
+from experiments.figure4 import cells, held_out
 from experiments.figure4.__main__ import main
 
 
@@ -25,7 +25,7 @@ def test_the_chain_of_the_training_recordings_is_smoothed_by_cross_validation(st
     assert smoothing in held_out.SMOOTHINGS
     assert (chain > 0).all()
     windows = study.herd.windows
-    fitted = windows.code[~np.isin(windows.recording, held_out)]
+    fitted = windows.code[~np.isin(windows.recording, recordings)]
     np.testing.assert_allclose(chain, markov_chain(fitted, 25, smoothing)[1])
 
 
@@ -73,7 +73,7 @@ def test_a_smoke_pass_makes_every_cell_a_report_and_figures_and_then_makes_nothi
     folder = tmp_path / "simulated"
     report = (folder / "report.md").read_text()
     assert "SIMULATED" in report.splitlines()[0]
-    assert all(f"| {method} |" in report for method in (*cells.METHODS, *cells.GIVEN_REWARD))
+    assert all(f"| {method} |" in report for method in cells.ROWS)
     figures = {"figure4_links_tau1", "figure4_differences_tau1", "held_out", "activities", "reward_by_change"}
     assert figures <= {path.stem for path in folder.glob("*.png")}
     capsys.readouterr()

@@ -149,7 +149,7 @@ def test_cells_are_listed_by_the_commits_that_made_them():
 
 def test_json_names_the_best_of_each_column():
     cells = finished_cell(violation_rate=around(0.1)), finished_cell(method="airl", violation_rate=around(0.5))
-    with mock.patch.object(table1_report, "versions", dict):
+    with mock.patch.object(report, "versions", dict):
         text = report.as_json(study_of(*cells))
     assert '"violation_rate": {\n   "gridworld": [\n    "aircl"\n   ],\n   "swimmer": []' in text
     assert FULL.scale in text
