@@ -86,7 +86,7 @@ def _tuned_robot(row: TrainConfig) -> TrainConfig:
 
 # From scratch 100 iterations are too few to walk (returns of 400 of 1241): it begins as the clone of its demonstrations and is
 # moved slowly; a closer clone leaves δ̄ too few negatives (docs/equations.md). Six narrow actions make log π too sharp for f to
-# follow at β = 1: the judge fell behind, σ rose, and f ran away.
+# follow at β = 1: the discriminator fell behind, σ rose, and f ran away.
 # The clone shows what demonstrations do and hardly anything else, so that no policy of the run says where the torques' limit
 # is. The replay does: it keeps the episodes of a policy that knows nothing and whose σ is the whole box, and the feasibility
 # sees actions alone, for such episodes fall, which no demonstration does and no constraint forbids.

@@ -71,7 +71,7 @@ class TrainConfig:
     lr_decay_iterations: int = (
         0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
     )
-    temperature: float = 1.0  # β of the entropy, where the true reward is known or the judge is centred; the paper's f takes 1
+    temperature: float = 1.0  # β of the entropy, where the true reward is known or the discriminator is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation
     checkpoint_every: int = 25  # iterations between two checkpoints, log flushes and evaluations
     ppo: PPOConfig = field(default_factory=PPOConfig)
