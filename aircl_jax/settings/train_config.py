@@ -67,11 +67,9 @@ class TrainConfig:
     clone_epochs: int = 0  # epochs of cloning D_E before the first iteration; the replay begins with the untrained policy
     clone_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
     clone_learning_rate: float = 3e-3  # Adam's, of the cloning
-    policy_delay: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn to judge a clone before it moves
-    lr_decay_iterations: int = (
-        0  # iterations in which both learning rates fall linearly to 0, where the play would not settle; 0: never
-    )
-    temperature: float = 1.0  # β of the entropy, where the true reward is known or the discriminator is centred; the paper's f takes 1
+    policy_delay: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn of a clone before it moves
+    lr_decay_iterations: int = 0  # iterations in which both learning rates fall linearly to 0; 0: they never do
+    temperature: float = 1.0  # β of the entropy, where the reward is known or D is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation
     checkpoint_every: int = 25  # iterations between two checkpoints, log flushes and evaluations
     ppo: PPOConfig = field(default_factory=PPOConfig)
