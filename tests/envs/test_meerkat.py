@@ -210,9 +210,8 @@ UNKNOWABLE = (
 def test_an_unknown_reward_and_cost_are_nan_and_gacl_takes_the_reward_for_0(method, reward):
     env = make_env("meerkat", data="simulated", coding="step", horizon=3)
     nets, params = tiny_networks(env, method)
-    episodes = jax.jit(rollouts, static_argnums=(0, 1, 5), compiler_options=UNOPTIMISED)(
-        env, nets, params, unit_stats(env), jax.random.key(0), 2
-    )
+    nets = nets.bind(params, unit_stats(env))
+    episodes = jax.jit(lambda key: rollouts(nets, key, 2), compiler_options=UNOPTIMISED)(jax.random.key(0))
     np.testing.assert_array_equal(episodes.reward, np.full((2, 3), reward))
     assert all(np.isnan(measure(episodes)).all() for measure in (violation_rate, infeasible, feasible_return))
 

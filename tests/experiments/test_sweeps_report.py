@@ -25,7 +25,7 @@ FOUND = {
 
 
 def test_a_row_is_a_value_and_a_column_a_measure():
-    head, _, *rows, _ = sweeps.table(FOUND)
+    head, _, *rows = sweeps.table(FOUND).splitlines()
     assert head == "| slip | violation_rate | violation_rate_policy | reward_correlation | violation_rate_expert |"
     assert rows == [
         "| 0 | 0.040 ± 0.036 | 0.050 ± 0.000 | 0.000 ± 0.500 | 0.000 ± 0.000 |",

@@ -14,7 +14,7 @@ from aircl_jax.figures.robots.coordinate_curves import by_coordinate
 from aircl_jax.figures.style import BLUE, GREEN, ORANGE
 from aircl_jax.methods import METHODS
 from aircl_jax.model.networks import make_networks
-from envs import Box
+from envs import Box, Limit
 from tests.finished_runs import untrained
 from tests.worlds import TINY, UNOPTIMISED, one_state_env, random_trajectories
 
@@ -41,14 +41,14 @@ def test_curves_sum_to_the_logit_up_to_a_constant(sees):
 
 def test_a_curve_is_drawn_less_its_mean_over_the_demonstrations_for_every_seed_and_their_mean(monkeypatch):
     world = one_state_env(lambda t, action: action.sum(), horizon=1, action_space=Box(2))
-    env = replace(world, name="swimmer")
+    env = replace(world, limit=Limit("torque", 0.25, "actions"))
     config = replace(TINY, step_network="additive", constraint_input="action", hidden=(4,))
     full, method = untrained("aircl_corrected"), METHODS["aircl_corrected"]
     nets = make_networks(env, method, config)
     one = random_trajectories(env, 0, 4)
     action = np.array([[[-1.0, 0.5]], [[0.0, 0.5]], [[1.0, 0.5]], [[4.0, 0.5]]])  # the last is clipped
     expert = one._replace(action=np.tile(action, (2, 1, 1, 1)), obs=np.tile(one.obs, (2, 1, 1, 1)), mask=np.ones((2, 4, 1)))
-    spec = replace(full.spec, env=env, method=method, env_settings={"constraint": "torque", "limit": 0.25})
+    spec = replace(full.spec, env=env, method=method)
     monkeypatch.setattr(coordinate_contributions, "curves_of", lambda nets, state, points: state.step * points)
     states = full.states._replace(step=jnp.array([1.0, 3.0]))
     result = replace(full, networks=nets, spec=spec, expert=expert, states=states)

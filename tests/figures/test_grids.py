@@ -19,7 +19,7 @@ from aircl_jax.figures import of_a_run
 from aircl_jax.figures.grids import cells, paths
 from aircl_jax.figures.robots import step_histograms
 from aircl_jax.figures.style import BLACK, BLUE, ORANGE, STYLE, Drawing
-from envs import Box, Grid
+from envs import Box, Grid, Limit
 from tests.finished_runs import untrained
 from tests.worlds import one_state_env, random_trajectories, table_of
 
@@ -191,8 +191,9 @@ def heights(axis: Axes, colour: str) -> np.ndarray:
 
 def test_a_robots_histograms_are_of_unmasked_steps_the_demonstrations_black_and_the_policy_blue():
     full = untrained("aircl_corrected")
-    robot = replace(one_state_env(lambda t, action: 0.0 * t, horizon=4, action_space=Box(2)), name="swimmer")
-    spec = replace(full.spec, env=robot, env_settings={"constraint": "position", "limit": "default"})
+    world = one_state_env(lambda t, action: 0.0 * t, horizon=4, action_space=Box(2))
+    robot = replace(world, limit=Limit("position", 0.5, 0))
+    spec = replace(full.spec, env=robot)
 
     def episodes(first: float, second: float) -> Any:
         """Of two coordinates at these places; beyond the mask they are elsewhere."""

@@ -97,8 +97,8 @@ def test_a_refused_cell_is_named_and_the_others_go_on(capsys):
 class Interrupting(cells.Reporter):
     """Stops the run after its first chunk, as Ctrl-C does."""
 
-    def __call__(self, progress):
-        if progress.iteration == 1:
+    def on_chunk(self, iteration, states, rows, timing):
+        if iteration == 1:
             raise KeyboardInterrupt
 
 
