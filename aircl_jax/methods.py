@@ -6,7 +6,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Method:
-    """One row. The fused train step is the same for all; a row chooses its terms (names in `adversary.TERMS`)."""
+    """One row. The fused train step is the same for all; a row chooses its terms (names in `algorithm.terms.table.TERMS`)."""
 
     reward: Literal["learned", "true"]  # what the policy is driven by: f_θ, or the environment's own reward
     discriminator_of: Literal["trajectory", "step", "feasibility", "none"]  # whose logit says "expert"

@@ -75,7 +75,7 @@ def made_with(found: Found) -> str:
         for name, cell in found.methods.items()
     ]
     made = markdown.table(("", "commit", "iterations", "seconds", "trained as by"), rows)
-    return made + "\n\nA method's settings are those of `aircl_jax/settings/train_config.py` at its commit."
+    return made + "\n\nA method's settings are those of `aircl_jax/settings/env_defaults.py` at its commit."
 
 
 def _lags(lag: str) -> str:

@@ -1,4 +1,4 @@
-"""The centred judge and the corrected terms, tests and thresholds against naive float64 numpy, without log space."""
+"""The centred discriminator and the corrected terms, tests and thresholds against naive float64 numpy, without log space."""
 
 from collections.abc import Iterator
 from dataclasses import replace
