@@ -1,4 +1,4 @@
-"""Steps a second of the AIRL of the library imitation. Runs in .venv-peer, without this project: see `__main__.py` beside it."""
+"""Steps a second of the AIRL of the library imitation. Runs in .venv-peer, without this project: see `__main__.py` here."""
 
 import json
 import sys
