@@ -16,10 +16,17 @@ def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) ->
 
     `world` is where the policy acts, if not in the environment that its networks were made for.
     """
+    key_reset, key_steps = jax.random.split(key)
+    start = (nets.env if world is None else world).reset(key_reset)
+    return rollout_from(nets, key_steps, start, world)[0]
+
+
+def rollout_from(
+    nets: BoundNetworks, key: PRNGKeyArray, start: tuple[Any, Array], world: Env | None = None
+) -> tuple[Trajectory, tuple[Any, Array]]:
+    """Take T steps from `start`, an environment's state and its observation; return those of the end too."""
     env = nets.env if world is None else world
     assumes_no_reward = nets.method.assumes_no_reward and not env.has_reward
-    key_reset, key_steps = jax.random.split(key)
-    env_state, first_obs = env.reset(key_reset)
 
     def one_step(carry: tuple, inputs: tuple[Array, Array]) -> tuple[tuple, Trajectory]:
         env_state, obs, alive = carry
@@ -35,10 +42,10 @@ def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) ->
             obs, action, log_prob, value, reward, step.cost, mask=alive * step.counts, bootstrap=jnp.zeros(())
         )
 
-    steps = (jnp.arange(env.horizon), jax.random.split(key_steps, env.horizon))
-    (_, last_obs, alive), trajectory = jax.lax.scan(one_step, (env_state, first_obs, jnp.ones(())), steps)
+    steps = (jnp.arange(env.horizon), jax.random.split(key, env.horizon))
+    (last_state, last_obs, alive), trajectory = jax.lax.scan(one_step, (*start, jnp.ones(())), steps)
     bootstrap = jnp.zeros(()) if env.finite_horizon else alive * nets.value(last_obs, jnp.asarray(env.horizon))
-    return trajectory._replace(bootstrap=bootstrap)
+    return trajectory._replace(bootstrap=bootstrap), (last_state, last_obs)
 
 
 def rollouts(nets: BoundNetworks, key: PRNGKeyArray, number: int, world: Env | None = None) -> Trajectory:

@@ -37,7 +37,7 @@ class PPOConfig:
     max_grad_norm: float = 0.5
     log_std_init: float = -0.7
     log_std_min: float = -3.0  # log σ is a parameter, projected into these bounds after each update
-    log_std_max: float = 0.0
+    log_std_max: Scalar = 0.0
 
 
 @dataclass(frozen=True)

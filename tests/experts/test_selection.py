@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.algorithm.learners import lagrangian
-from aircl_jax.algorithm.learners.lagrangian import LagrangianState, Moments, make_lagrangian, observation_stats
+from aircl_jax.algorithm.learners.lagrangian import LagrangianState, Moments, make_lagrangian, stats_of
 from aircl_jax.experts.selection import DRAWN, Judgement, Sampler, best_expert, best_free, clean_episodes, judge, random_return
 from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
@@ -88,9 +88,9 @@ def test_the_steps_size_falls_linearly_to_nothing_at_the_last_iteration(step, le
 
 def test_statistics_of_what_was_met_are_its_mean_and_standard_deviation():
     state = trained(None)[0]
-    assert (observation_stats(state).std == 1.0).all()  # before anything was met
+    assert (stats_of(state.moments).std == 1.0).all()  # before anything was met
     met = state._replace(moments=Moments(jnp.asarray(4.0), jnp.full(7, 2.0), jnp.full(7, 36.0)))
-    np.testing.assert_allclose(observation_stats(met), np.array([[2.0] * 7, [3.0] * 7]))
+    np.testing.assert_allclose(stats_of(met.moments), np.array([[2.0] * 7, [3.0] * 7]))
 
 
 def met_by_hand() -> tuple[BoundNetworks, LagrangianState, Trajectory]:

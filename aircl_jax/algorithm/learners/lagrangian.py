@@ -13,6 +13,7 @@ from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.methods import Method
 from aircl_jax.model.networks import BoundNetworks, Networks, make_networks, project_log_std
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
+from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from aircl_jax.types import Metrics, ObsStats, Params, Thresholds, Trajectory
 from envs import Env
@@ -112,7 +113,9 @@ def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
     return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(config.learning_rate, eps=1e-5))
 
 
-def next_multiplier(multiplier: Float[Array, ""], cost: Float[Array, ""], config: LagrangianConfig) -> Float[Array, ""]:
+def next_multiplier(
+    multiplier: Float[Array, ""], cost: Float[Array, ""], config: LagrangianConfig | LearnerConfig
+) -> Float[Array, ""]:
     """λ ← min(λ exp(rate · min(J_c − d, 1)), max): dual ascent on log λ, its step bounded while costs are large."""
     ascent = config.multiplier_rate * jnp.minimum(cost - config.cost_budget, 1.0)
     return jnp.minimum(multiplier * jnp.exp(ascent), config.multiplier_max)
@@ -132,9 +135,8 @@ def observe(moments: Moments, met: Trajectory) -> Moments:
     )
 
 
-def observation_stats(state: LagrangianState) -> ObsStats:
+def stats_of(moments: Moments) -> ObsStats:
     """Mean and standard deviation so far; 0 and 1 before the first iteration."""
-    moments = state.moments
     spread = jnp.sqrt(moments.square / jnp.maximum(moments.number, 1.0))
     return ObsStats(moments.mean, jnp.where(moments.number > 0, spread, 1.0))
 
@@ -143,7 +145,7 @@ def bound(nets: Networks, state: LagrangianState) -> BoundNetworks:
     """The policy and V_r with what has been learned and seen so far."""
     thresholds = Thresholds(jnp.zeros(()), jnp.zeros(()))
     params = Params(state.policy, state.value, reward=None, feasibility=None, thresholds=thresholds)
-    return nets.bind(params, observation_stats(state))
+    return nets.bind(params, stats_of(state.moments))
 
 
 def lagrangian_advantage(

@@ -14,7 +14,7 @@ from aircl_jax.algorithm.learners.lagrangian import (
     lagrangian_advantage,
     make_lagrangian,
     next_multiplier,
-    observation_stats,
+    stats_of,
     observe,
 )
 from aircl_jax.algorithm.rollout import rollouts
@@ -113,7 +113,7 @@ def test_a_world_that_ends_begins_again_after_one_masked_step():
     assert counts == [1, 2, 0, 1, 2, 0]
     assert costs == [0.0, 5.0, 0.0, 0.0, 5.0, 0.0]  # the end costs
     assert counted == [1.0, 1.0, 0.0, 1.0, 1.0, 0.0]  # the step after it is none of the task's
-    assert np.isfinite(observation_stats(state).std).all()
+    assert np.isfinite(stats_of(state.moments).std).all()
 
 
 def test_altered_multiplies_mean_and_noise():

@@ -1,0 +1,279 @@
+"""PPO-Lagrangian that does not see the unit of its reward: the learner of oracles and swaps (docs/learner.md).
+
+Against `lagrangian`, by which the shipped experts were trained: the reward is divided by its own spread, each network is
+clipped by itself, a part of the rollouts goes on from where earlier ones ended, and both critics bootstrap at the end.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from aircl_jax.algorithm.learners import ppo
+from aircl_jax.algorithm.learners.lagrangian import Moments, lagrangian_advantage, next_multiplier, observe, stats_of
+from aircl_jax.algorithm.masks import masked_mean
+from aircl_jax.algorithm.rollout import rollout_from
+from aircl_jax.methods import Method
+from aircl_jax.model.networks import BoundNetworks, Networks, make_networks, project_log_std
+from aircl_jax.settings.learner_config import LearnerConfig
+from aircl_jax.settings.train_config import TrainConfig
+from aircl_jax.types import Metrics, Params, Thresholds, Trajectory
+from envs import Env
+from envs.robots.practice_worlds import restarting
+
+_NETWORKS = Method(reward="true", discriminator_of="none", feasibility="none", terms=())
+
+Objective = Callable[[Trajectory], tuple[Float[Array, " T"], Float[Array, " T"]]]  # what each step is paid, and its cost
+
+
+class Task(NamedTuple):
+    """What one seed's policy is paid by and bound by. `objective` is a `jax.tree_util.Partial`: what it holds may differ by seed."""
+
+    objective: Objective
+    constrained: Float[Array, ""]  # 1, or 0: the cost does not count after `release`
+
+
+class Trained(NamedTuple):
+    """The parameters that gradients move."""
+
+    policy: Any
+    value: Any  # V_r
+    cost_value: Any  # V_c
+
+
+class Spread(NamedTuple):
+    """ρ²: the reward's variance within an iteration, averaged over all iterations so far."""
+
+    number: Float[Array, ""]
+    mean_square: Float[Array, ""]
+
+
+class LearnerState(NamedTuple):
+    """All that training carries from one iteration to the next, of one seed."""
+
+    trained: Trained
+    opt: Any
+    multiplier: Float[Array, ""]  # λ
+    moments: Moments
+    spread: Spread
+    ends: tuple[Any, Float[Array, "N O"]]  # where the last rollouts ended
+    key: PRNGKeyArray
+    step: Int[Array, ""]
+
+
+class Batch(NamedTuple):
+    """Single steps with their advantage and both critics' targets, [B, …]."""
+
+    obs: Float[Array, "B O"]
+    action: Float[Array, "B A"]
+    log_prob: Float[Array, " B"]
+    advantage: Float[Array, " B"]
+    target: Float[Array, " B"]
+    cost_target: Float[Array, " B"]
+    mask: Float[Array, " B"]
+
+
+class Learner(NamedTuple):
+    """`init(key) -> state`, `step(state, task) -> (state, metrics)`: pure, for one seed."""
+
+    init: Callable[[PRNGKeyArray], LearnerState]
+    step: Callable[[LearnerState, Task], tuple[LearnerState, Metrics]]
+    nets: Networks
+
+
+def true_objective(trajectory: Trajectory) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
+    """Pay the world's own reward and cost."""
+    return trajectory.reward, trajectory.cost
+
+
+def make_learner(env: Env, config: LearnerConfig) -> Learner:
+    """Make the learner's two functions: max_π E Σ (r − β log π) subject to E Σ c ≤ d, with r and c by the task."""
+    nets = make_networks(env, _NETWORKS, TrainConfig(hidden=config.hidden, ppo=config.ppo))
+    optimiser = make_optimiser(config, env.horizon)
+    world = restarting(env, fall_cost=0.0) if config.restart else env
+
+    def init(key: PRNGKeyArray) -> LearnerState:
+        key, key_reward, key_cost, key_world = jax.random.split(key, 4)
+        first, second = nets.init(key_reward), nets.init(key_cost)
+        trained = Trained(first.policy, first.value, second.value)
+        zero, zeros = jnp.zeros(()), jnp.zeros(env.obs_size)
+        return LearnerState(
+            trained,
+            optimiser.init(trained),
+            jnp.asarray(config.multiplier_init, jnp.float32),
+            Moments(zero, zeros, zeros),
+            Spread(zero, zero),
+            jax.vmap(world.reset)(jax.random.split(key_world, config.num_trajectories)),
+            key,
+            zero.astype(jnp.int32),
+        )
+
+    def step(state: LearnerState, task: Task) -> tuple[LearnerState, Metrics]:
+        key, key_rollout, key_update = jax.random.split(state.key, 3)
+        acting = bound(nets, state)
+        trajectories, ends = practise(acting, state, key_rollout, world, config)
+        reward, cost = jax.vmap(task.objective)(trajectories)
+        cost = jnp.maximum(cost, config.fall_cost * falls(trajectories.mask))
+        held = (task.constrained > 0) | (state.step < config.release * config.iterations)
+        multiplier = jnp.where(held, state.multiplier, 0.0)
+        paid, spread = normalised(reward - config.temperature * trajectories.log_prob, trajectories.mask, state.spread, config)
+        batch = make_batch(acting, state.trained.cost_value, trajectories, ends[1], paid, cost, multiplier, config)
+        highest = jnp.where(task.constrained > 0, config.ppo.log_std_max, config.released_log_std_max)
+        bounded_std = replace(config, ppo=replace(config.ppo, log_std_max=highest))
+        trained, opt, metrics = update(acting, state, batch, key_update, optimiser, bounded_std)
+        violations = (cost * trajectories.mask).sum(axis=1).mean()
+        state = LearnerState(
+            trained,
+            opt,
+            next_multiplier(state.multiplier, violations, config),
+            observe(state.moments, trajectories),
+            spread,
+            ends,
+            key,
+            state.step + 1,
+        )
+        return state, {
+            **metrics,
+            "return": (reward * trajectories.mask).sum(axis=1).mean(),
+            "cost": violations,
+            "multiplier": multiplier,
+            "std": jnp.exp(trained.policy["params"]["log_std"]).mean(),
+        }
+
+    return Learner(init, step, nets)
+
+
+def make_optimiser(config: LearnerConfig, horizon: int) -> optax.GradientTransformation:
+    """Adam with a rate that falls to 0; each network's gradient is clipped by its own norm."""
+    clips = {name: optax.clip_by_global_norm(config.ppo.max_grad_norm) for name in Trained._fields}
+    updates = config.ppo.num_epochs * num_minibatches(config, horizon)
+    rate = optax.linear_schedule(float(config.ppo.learning_rate), 0.0, config.iterations * updates)
+    return optax.chain(optax.partition(clips, Trained(*Trained._fields)), optax.adam(rate, eps=1e-5))
+
+
+def num_minibatches(config: LearnerConfig, horizon: int) -> int:
+    """How many minibatches of about `minibatch_size` steps an iteration's rollouts make."""
+    return max(1, config.num_trajectories * horizon // config.ppo.minibatch_size)
+
+
+def bound(nets: Networks, state: LearnerState) -> BoundNetworks:
+    """Bind the policy and V_r with the observations' statistics so far."""
+    thresholds = Thresholds(jnp.zeros(()), jnp.zeros(()))
+    params = Params(state.trained.policy, state.trained.value, reward=None, feasibility=None, thresholds=thresholds)
+    return nets.bind(params, stats_of(state.moments))
+
+
+def practise(
+    acting: BoundNetworks, state: LearnerState, key: PRNGKeyArray, world: Env, config: LearnerConfig
+) -> tuple[Trajectory, tuple[Any, Float[Array, "N O"]]]:
+    """Roll out N times, [N, T, …], from resets or, with probability `continued`, from where the last rollouts ended."""
+
+    def one(key: PRNGKeyArray, end: tuple[Any, Array]) -> tuple[Trajectory, tuple[Any, Array]]:
+        key_reset, key_choice, key_steps = jax.random.split(key, 3)
+        goes_on = (jax.random.uniform(key_choice) < config.continued) & (state.step > 0)
+        start = jax.tree.map(lambda old, new: jnp.where(goes_on, old, new), end, world.reset(key_reset))
+        return rollout_from(acting, key_steps, start, world)
+
+    return jax.vmap(one)(jax.random.split(key, config.num_trajectories), state.ends)
+
+
+def falls(mask: Float[Array, "N T"]) -> Float[Array, "N T"]:
+    """1 at each step after which the body has to get up: the step that follows does not count."""
+    following = jnp.concatenate([mask[:, 1:], jnp.ones_like(mask[:, :1])], axis=1)
+    return mask * (1.0 - following)
+
+
+def normalised(
+    reward: Float[Array, "N T"], mask: Float[Array, "N T"], spread: Spread, config: LearnerConfig
+) -> tuple[Float[Array, "N T"], Spread]:
+    """r̃ = spread · ((r − mean r) / ρ + bonus), ρ² the running mean of mean (r − mean r)²: k r and r give the same r̃."""
+    centred = reward - masked_mean(reward, mask)
+    number = spread.number + 1.0
+    mean_square = spread.mean_square + (masked_mean(centred**2, mask) - spread.mean_square) / number
+    scaled = config.reward_spread * (centred / jnp.maximum(jnp.sqrt(mean_square), 1e-12) + config.alive_bonus)
+    return scaled, Spread(number, mean_square)
+
+
+def make_batch(
+    acting: BoundNetworks,
+    cost_critic: Any,
+    trajectories: Trajectory,
+    last_obs: Float[Array, "N O"],
+    reward: Float[Array, "N T"],
+    cost: Float[Array, "N T"],
+    multiplier: Float[Array, ""],
+    config: LearnerConfig,
+) -> Batch:
+    """All steps with Â = (Â_r / std Â_r − λ Â_c) / (1 + λ) and the targets V + Â of both critics."""
+    mask, cost_critic = trajectories.mask, acting.with_params(value=cost_critic)
+    cost_value = jax.vmap(cost_critic.values)(trajectories)
+    last_cost = jax.vmap(lambda obs: cost_critic.value(obs, jnp.asarray(acting.env.horizon)))(last_obs)
+    estimate = jax.vmap(ppo.gae, (0, 0, 0, 0, None, None))
+    gain = estimate(reward, trajectories.value, trajectories.bootstrap, mask, config.ppo.discount, config.ppo.gae_lambda)
+    cost_gain = estimate(cost, cost_value, last_cost * mask[:, -1], mask, config.cost_discount, config.ppo.gae_lambda)
+    advantage = lagrangian_advantage(gain, cost_gain, mask, multiplier)
+    steps = Batch(
+        trajectories.obs,
+        trajectories.action,
+        trajectories.log_prob,
+        advantage,
+        trajectories.value + gain,
+        cost_value + cost_gain,
+        mask,
+    )
+    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), steps)
+
+
+def loss(trained: Trained, acting: BoundNetworks, batch: Batch, config: LearnerConfig) -> tuple[Array, Metrics]:
+    """−surrogate + value_coef · ½ ((V_r − target)² + (V_c − cost target)²), means over unmasked steps."""
+    nets, cost_critic = (
+        acting.with_params(policy=trained.policy, value=trained.value),
+        acting.with_params(value=trained.cost_value),
+    )
+    now = jnp.zeros((), jnp.int32)  # no network sees t: nothing here ends at the horizon
+
+    def one(step: Batch) -> tuple[Array, Array, Array]:
+        log_prob = jnp.asarray(nets.policy(step.obs, now).log_prob(step.action))
+        return log_prob, nets.value(step.obs, now), cost_critic.value(step.obs, now)
+
+    log_prob, value, cost_value = jax.vmap(one)(batch)
+    surrogate = ppo.clipped_surrogate(log_prob, batch.log_prob, batch.advantage, config.ppo.clip_eps)
+    errors = (value - batch.target) ** 2 + (cost_value - batch.cost_target) ** 2
+    value_loss = 0.5 * masked_mean(errors, batch.mask)
+    kl = masked_mean(batch.log_prob - log_prob, batch.mask)
+    total = -masked_mean(surrogate, batch.mask) + config.ppo.value_coef * value_loss
+    return total, {"value_loss": value_loss, "approx_kl": kl}
+
+
+def update(
+    acting: BoundNetworks,
+    state: LearnerState,
+    batch: Batch,
+    key: PRNGKeyArray,
+    optimiser: optax.GradientTransformation,
+    config: LearnerConfig,
+) -> tuple[Trained, Any, Metrics]:
+    """`num_epochs` passes over the steps in shuffled minibatches."""
+    number = batch.mask.size
+    minibatches = num_minibatches(config, acting.env.horizon)
+
+    def minibatch_step(carry: tuple[Trained, Any], index: Array) -> tuple[tuple[Trained, Any], Metrics]:
+        trained, opt = carry
+        minibatch = jax.tree.map(lambda leaf: leaf[index], batch)
+        grads, metrics = jax.grad(loss, has_aux=True)(trained, acting, minibatch, config)
+        updates, opt = optimiser.update(grads, opt)
+        moved = jax.tree.map(jnp.add, trained, updates)
+        return (moved._replace(policy=project_log_std(moved.policy, config.ppo)), opt), metrics
+
+    def epoch(carry: tuple[Trained, Any], key_epoch: PRNGKeyArray) -> tuple[tuple[Trained, Any], Metrics]:
+        size = number // minibatches
+        order = jax.random.permutation(key_epoch, number)[: minibatches * size]
+        return jax.lax.scan(minibatch_step, carry, order.reshape(minibatches, size))
+
+    keys = jax.random.split(key, config.ppo.num_epochs)
+    (trained, opt), metrics = jax.lax.scan(epoch, (state.trained, state.opt), keys)
+    return trained, opt, {name: values[-1].mean() for name, values in metrics.items()}

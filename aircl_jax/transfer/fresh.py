@@ -1,0 +1,89 @@
+"""Train fresh policies from scratch on a known or a learned (reward, constraint): many seeds as one program."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import PartitionSpec
+from jax.tree_util import Partial
+from jaxtyping import PRNGKeyArray
+
+from aircl_jax.algorithm.learners.scale_free import Learner, LearnerState, Objective, Task, bound, make_learner, true_objective
+from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.model.networks import Networks
+from aircl_jax.runs.seeds import SEED, seed_keys, spread
+from aircl_jax.settings.learner_config import LearnerConfig
+from aircl_jax.types import Metrics, Trajectory
+from envs import Env
+
+CANDIDATE = 100_000  # candidate k of seed s has the key of seed s + k · CANDIDATE
+JUDGED_ITERATIONS = 10  # the last ones of the trial, over which candidates are compared
+BATCH = 16  # evaluation episodes drawn at once
+
+
+class Fresh(NamedTuple):
+    """Policies trained from scratch, with the metrics of their training, {metric: [iterations, S]}."""
+
+    nets: Networks
+    states: LearnerState
+    history: dict[str, np.ndarray]
+
+
+def train_fresh(
+    env: Env,
+    seeds: Sequence[int],
+    config: LearnerConfig,
+    objective: Objective = Partial(true_objective),
+    *,
+    constrained: bool = True,
+) -> Fresh:
+    """Train `candidates` policies a seed for the `trial`, then the one with the greatest return of its own to the end.
+
+    What `objective` holds, if anything, has a leading seed axis: what each seed's policy is paid by.
+    """
+    learner = make_learner(env, config)
+    tasks = Task(objective, jnp.full(len(seeds), float(constrained)))
+    count = config.candidates
+    trial = int(config.trial * config.iterations) if count > 1 else 0
+    crowd = [seed + CANDIDATE * k for seed in seeds for k in range(count)]
+    states = _over(len(crowd), jax.vmap(learner.init), SEED)(seed_keys(crowd))
+    if count > 1:
+        all_tasks = jax.tree.map(lambda leaf: jnp.repeat(leaf, count, axis=0), tasks)
+        states, early = _train(learner, states, all_tasks, trial)
+        score = early["return"][-JUDGED_ITERATIONS:].mean(axis=0).reshape(len(seeds), count)
+        best = score.argmax(axis=1) + count * np.arange(len(seeds))
+        states = jax.tree.map(lambda leaf: leaf[best], states)
+        early = {name: values[:, best] for name, values in early.items()}
+    states, late = _train(learner, states, tasks, config.iterations - trial)
+    history = {name: np.concatenate([early[name], values]) if count > 1 else values for name, values in late.items()}
+    return Fresh(learner.nets, states, history)
+
+
+def episodes(fresh: Fresh, env: Env, number: int, key: PRNGKeyArray) -> Trajectory:
+    """Draw `number` episodes of each seed's policy in a world, [S, N, T, …]; all seeds have the same keys."""
+
+    def of_seed(state: LearnerState) -> Trajectory:
+        acting = bound(fresh.nets, state)
+        batches = jax.lax.map(lambda key: rollouts(acting, key, BATCH, env), jax.random.split(key, -(-number // BATCH)))
+        return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:number], batches)
+
+    return _over(len(fresh.states.step), jax.vmap(of_seed), SEED)(fresh.states)
+
+
+def _train(learner: Learner, states: LearnerState, tasks: Task, length: int) -> tuple[LearnerState, dict[str, np.ndarray]]:
+    def on_device(states: LearnerState, tasks: Task) -> tuple[LearnerState, Metrics]:
+        return jax.lax.scan(lambda states, _: jax.vmap(learner.step)(states, tasks), states, length=length)
+
+    train = _over(len(states.step), on_device, (SEED, PartitionSpec(None, "seed")))
+    states, metrics = train(states, tasks)
+    return states, jax.device_get(metrics)
+
+
+def _over(number: int, of: Callable[..., Any], out: Any) -> Callable[..., Any]:
+    """`of`, which takes trees with a leading seed axis, over shards of `number` seeds on every device."""
+    shard, place = spread(number)
+    run = jax.jit(partial(shard, in_specs=SEED, out_specs=out)(of))
+    return lambda *trees: run(*(place(tree) for tree in trees))
