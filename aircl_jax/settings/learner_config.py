@@ -1,6 +1,6 @@
 """Frozen settings of the learner of oracles and swaps, and the one row of settings that all robots share."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from aircl_jax.settings.train_config import PPOConfig
 
@@ -38,3 +38,12 @@ class LearnerConfig:
             log_std_min=-3.5,
         )
     )
+
+
+LEARNERS: dict[str, LearnerConfig] = {"swimmer": LearnerConfig()}
+
+
+def learner_config(env: str, *, constrained: bool = True) -> LearnerConfig:
+    """Return the settings of this robot; without a constraint the seeds practise longer, and keep it at first."""
+    config = LEARNERS.get(env, LearnerConfig())
+    return config if constrained else replace(config, iterations=int(2.5 * config.iterations), release=0.3)

@@ -8,10 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import PartitionSpec
-from jax.tree_util import Partial
 from jaxtyping import PRNGKeyArray
 
-from aircl_jax.algorithm.learners.scale_free import Learner, LearnerState, Objective, Task, bound, make_learner, true_objective
+from aircl_jax.algorithm.learners.scale_free import TRUE, Learner, LearnerState, Objective, Task, bound, make_learner
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.seeds import SEED, seed_keys, spread
@@ -20,7 +19,7 @@ from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
 CANDIDATE = 100_000  # candidate k of seed s has the key of seed s + k · CANDIDATE
-JUDGED_ITERATIONS = 10  # the last ones of the trial, over which candidates are compared
+COMPARED = 10  # iterations at the end of the trial, over which candidates are compared
 BATCH = 16  # evaluation episodes drawn at once
 
 
@@ -36,7 +35,7 @@ def train_fresh(
     env: Env,
     seeds: Sequence[int],
     config: LearnerConfig,
-    objective: Objective = Partial(true_objective),
+    objective: Objective = TRUE,
     *,
     constrained: bool = True,
 ) -> Fresh:
@@ -50,15 +49,16 @@ def train_fresh(
     trial = int(config.trial * config.iterations) if count > 1 else 0
     crowd = [seed + CANDIDATE * k for seed in seeds for k in range(count)]
     states = _over(len(crowd), jax.vmap(learner.init), SEED)(seed_keys(crowd))
+    history: dict[str, np.ndarray] = {}
     if count > 1:
-        all_tasks = jax.tree.map(lambda leaf: jnp.repeat(leaf, count, axis=0), tasks)
-        states, early = _train(learner, states, all_tasks, trial)
-        score = early["return"][-JUDGED_ITERATIONS:].mean(axis=0).reshape(len(seeds), count)
+        crowded = jax.tree.map(lambda leaf: jnp.repeat(leaf, count, axis=0), tasks)
+        states, early = _train(learner, states, crowded, trial)
+        score = early["return"][-COMPARED:].mean(axis=0).reshape(len(seeds), count)
         best = score.argmax(axis=1) + count * np.arange(len(seeds))
         states = jax.tree.map(lambda leaf: leaf[best], states)
-        early = {name: values[:, best] for name, values in early.items()}
+        history = {name: values[:, best] for name, values in early.items()}
     states, late = _train(learner, states, tasks, config.iterations - trial)
-    history = {name: np.concatenate([early[name], values]) if count > 1 else values for name, values in late.items()}
+    history = {name: np.concatenate([history[name], values]) if history else values for name, values in late.items()}
     return Fresh(learner.nets, states, history)
 
 

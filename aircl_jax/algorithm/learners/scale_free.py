@@ -4,13 +4,14 @@ Against `lagrangian`, by which the shipped experts were trained: the reward is d
 clipped by itself, a part of the rollouts goes on from where earlier ones ended, and both critics bootstrap at the end.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import optax
+from jax.tree_util import Partial
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from aircl_jax.algorithm.learners import ppo
@@ -31,9 +32,9 @@ Objective = Callable[[Trajectory], tuple[Float[Array, " T"], Float[Array, " T"]]
 
 
 class Task(NamedTuple):
-    """What one seed's policy is paid by and bound by. `objective` is a `jax.tree_util.Partial`: what it holds may differ by seed."""
+    """What one seed's policy is paid by and bound by."""
 
-    objective: Objective
+    objective: Objective  # a `jax.tree_util.Partial`: what it holds may differ from seed to seed
     constrained: Float[Array, ""]  # 1, or 0: the cost does not count after `release`
 
 
@@ -88,6 +89,9 @@ class Learner(NamedTuple):
 def true_objective(trajectory: Trajectory) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
     """Pay the world's own reward and cost."""
     return trajectory.reward, trajectory.cost
+
+
+TRUE = Partial(true_objective)
 
 
 def make_learner(env: Env, config: LearnerConfig) -> Learner:
@@ -149,7 +153,9 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
 
 def make_optimiser(config: LearnerConfig, horizon: int) -> optax.GradientTransformation:
     """Adam with a rate that falls to 0; each network's gradient is clipped by its own norm."""
-    clips = {name: optax.clip_by_global_norm(config.ppo.max_grad_norm) for name in Trained._fields}
+    clips: dict[Hashable, optax.GradientTransformation] = {
+        name: optax.clip_by_global_norm(config.ppo.max_grad_norm) for name in Trained._fields
+    }
     updates = config.ppo.num_epochs * num_minibatches(config, horizon)
     rate = optax.linear_schedule(float(config.ppo.learning_rate), 0.0, config.iterations * updates)
     return optax.chain(optax.partition(clips, Trained(*Trained._fields)), optax.adam(rate, eps=1e-5))

@@ -14,8 +14,8 @@ from aircl_jax.algorithm.learners.lagrangian import (
     lagrangian_advantage,
     make_lagrangian,
     next_multiplier,
-    stats_of,
     observe,
+    stats_of,
 )
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.demonstrations.sources import load_shipped

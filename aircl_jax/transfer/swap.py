@@ -1,0 +1,123 @@
+"""Recombine what was learned, and train anew: the test that a reward and a constraint are separately right."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from aircl_jax.algorithm.learners.scale_free import bound
+from aircl_jax.algorithm.masks import mean_over_steps
+from aircl_jax.runs.result import Result
+from aircl_jax.settings.learner_config import LearnerConfig, learner_config
+from aircl_jax.transfer import objectives
+from aircl_jax.transfer.fresh import Fresh, episodes, train_fresh
+from aircl_jax.transfer.objectives import OfStep
+from aircl_jax.types import Trajectory
+from envs import Box, Env, make_env
+
+EPISODES = 96  # by which each fresh policy is measured
+EPISODE_SEED = 2_147_483_644  # of their key: no run's seed
+NONE = "none"  # the name of no constraint
+
+
+@dataclass(frozen=True, eq=False)
+class SwapResult:
+    """Fresh policies on a recombined (reward, constraint), and what they earn by the truth of the world they act in."""
+
+    world: Env  # its reward and cost are the truth of `metrics`
+    fresh: Fresh
+    seeds: tuple[int, ...]
+    metrics: Mapping[str, list[float]]  # per seed: return, violation_rate (of steps), infeasible_share (of episodes)
+
+    def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
+        """Return the fresh π(·|s_t) of the seed at this place, a distrax distribution over actions."""
+        state = jax.tree.map(lambda leaf: leaf[index], self.fresh.states)
+        return bound(self.fresh.nets, state).policy(obs, jnp.asarray(t))
+
+
+def swap(
+    result: Result,
+    reward: str | OfStep | None = None,
+    constraint: str | OfStep | None = None,
+    env: Env | None = None,
+    *,
+    seeds: int = 3,
+    first_seed: int = 0,
+    config: LearnerConfig | None = None,
+) -> SwapResult:
+    """Train fresh policies on a recombination: no demonstrations, no discriminator, no cloning.
+
+    `reward` and `constraint` are what the run learned (None), the world's own under a name (a value of env.reward, of
+    env.constraint, `world` for that of `env`, `none` for no constraint), or functions of (obs, action): a reward, and a
+    cost between 0 and 1. `env` is the world to act in, by default the run's. Measures are by that world's truth.
+
+    Raises:
+        ValueError: in one line, where the run learned no such part, or the world has no such name.
+    """
+    world = _world(result, reward, constraint) if env is None else env
+    if not isinstance(world.action_space, Box):
+        raise ValueError(f"env={world.name}: fresh policies are trained on robots; tables are planned by swap_table")
+    for setting, named in (("reward", reward), ("constraint", constraint)):
+        if env is not None and isinstance(named, str) and named not in ("world", NONE):
+            raise ValueError(f"{setting}={named!r} beside an Env, which has its own; choose world or a function")
+    paid = _part(reward, objectives.world_reward, lambda: objectives.learned_reward(result, seeds))
+    cost = (
+        objectives.no_cost()
+        if constraint == NONE
+        else _part(constraint, objectives.world_cost, lambda: objectives.learned_cost(result, seeds))
+    )
+    settings = config or learner_config(world.name, constrained=constraint != NONE)
+    return recombine(
+        world, objectives.objective(paid, cost), range(first_seed, first_seed + seeds), settings, constraint != NONE
+    )
+
+
+def recombine(
+    world: Env,
+    objective: Callable[[Trajectory], Any],
+    seeds: range,
+    config: LearnerConfig,
+    constrained: bool = True,
+    practice: Env | None = None,
+) -> SwapResult:
+    """Train fresh policies on an objective and measure them in the world that it was made for."""
+    fresh = train_fresh(practice or world, seeds, config, objective, constrained=constrained)
+    drawn = episodes(fresh, world, EPISODES, jax.random.key(EPISODE_SEED))
+    return SwapResult(world, fresh, tuple(seeds), measure(drawn))
+
+
+def measure(drawn: Trajectory) -> dict[str, list[float]]:
+    """Measure episodes [S, N, T, …] by the true reward and cost, seed by seed."""
+    of_seed = {
+        "return": jax.vmap(lambda one: (one.reward * one.mask).sum(axis=-1).mean()),
+        "violation_rate": jax.vmap(lambda one: mean_over_steps(one.cost, one.mask).mean()),
+        "infeasible_share": jax.vmap(lambda one: ((one.cost * one.mask).sum(axis=-1) > 0).astype(jnp.float32).mean()),
+    }
+    return {name: np.asarray(of(drawn), float).tolist() for name, of in of_seed.items()}
+
+
+def _part(choice: Any, world: Callable[[], Part], learned: Callable[[], Part]) -> Any:
+    if choice is None:
+        return learned()
+    return world() if isinstance(choice, str) else objectives.of_step(choice)
+
+
+def _world(result: Result, reward: Any, constraint: Any) -> Env:
+    """The run's world, with the named reward and constraint in place of its own."""
+    named = {
+        name: value
+        for name, value in (("reward", reward), ("constraint", constraint))
+        if isinstance(value, str) and value != "world"
+    }
+    if not named:
+        return result.spec.env
+    if not result.spec.named:
+        raise ValueError(f"env={result.spec.env.name} was given as an Env; choose env=Env with those wanted")
+    settings = {**result.spec.env_settings, **named}
+    if "constraint" in named:
+        settings["limit"] = "default"
+    return make_env(result.spec.env.name, **settings)
