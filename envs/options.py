@@ -1,8 +1,10 @@
 """The settings of every environment, light enough to import without the environment itself (MJX alone takes seconds)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Literal
+
+from envs.robots.factors import BodyOptions, PendulumBody, SwimmerBody, WalkerBody
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,10 @@ class RobotOptions:
     horizon: int = 500  # control steps; Table 2
     integrator: str = "euler"  # euler, rk4
     engine: str = "planar"  # planar: MuJoCo's equations for a plane; mjx: mjx.step itself, several times slower
+    reward: str = "task"  # task, or a name in envs.robots.rewards.REWARDS: backwards, stand, target
+    target: float = 1.0  # m, where reward=target draws to along x
+    action_cost: float = 0.0  # w of an additional −w‖a‖² in the reward
+    body: BodyOptions = field(default_factory=BodyOptions)  # factors of masses, lengths and motors; envs.robots.factors
 
     def __post_init__(self) -> None:
         is_number = isinstance(self.limit, (int, float)) and not isinstance(self.limit, bool) and isfinite(self.limit)
@@ -56,6 +62,12 @@ class RobotOptions:
         _require(isinstance(self.terminate, bool), "env.terminate", self.terminate, "true or false")
         _require(self.integrator in ("euler", "rk4"), "env.integrator", self.integrator, "euler or rk4")
         _require(self.engine in ("planar", "mjx"), "env.engine", self.engine, "planar or mjx")
+        is_number = isinstance(self.target, (int, float)) and not isinstance(self.target, bool) and isfinite(self.target)
+        _require(is_number, "env.target", self.target, "a number")
+        is_number = isinstance(self.action_cost, (int, float)) and not isinstance(self.action_cost, bool)
+        _require(
+            is_number and 0 <= self.action_cost < inf, "env.action_cost", self.action_cost, "a number that is not negative"
+        )
 
 
 def _require(holds: bool, setting: str, value: object, choices: str) -> None:
@@ -64,9 +76,21 @@ def _require(holds: bool, setting: str, value: object, choices: str) -> None:
 
 
 @dataclass(frozen=True)
+class SwimmerOptions(RobotOptions):
+    body: SwimmerBody = field(default_factory=SwimmerBody)
+
+
+@dataclass(frozen=True)
+class WalkerOptions(RobotOptions):
+    body: WalkerBody = field(default_factory=WalkerBody)
+
+
+@dataclass(frozen=True)
 class PendulumOptions(RobotOptions):
     constraint: str = "position"
     horizon: int = 100
+    target: float = 0.5
+    body: PendulumBody = field(default_factory=PendulumBody)
 
 
 @dataclass(frozen=True)

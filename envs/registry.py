@@ -2,7 +2,7 @@
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 from envs import options
@@ -18,8 +18,8 @@ class EnvRow:
 ENVS: dict[str, EnvRow] = {
     "gridworld": EnvRow(options.GridOptions, "envs.gridworld:make_gridworld"),
     "nonmarkov": EnvRow(options.NonMarkovOptions, "envs.gridworld:make_nonmarkov"),
-    "swimmer": EnvRow(options.RobotOptions, "envs.robots.robot:make_swimmer"),
-    "walker": EnvRow(options.RobotOptions, "envs.robots.robot:make_walker"),
+    "swimmer": EnvRow(options.SwimmerOptions, "envs.robots.robot:make_swimmer"),
+    "walker": EnvRow(options.WalkerOptions, "envs.robots.robot:make_walker"),
     "pendulum": EnvRow(options.PendulumOptions, "envs.robots.robot:make_pendulum"),
     "meerkat": EnvRow(options.MeerkatOptions, "envs.animals.meerkat:make_meerkat"),
     "labyrinth": EnvRow(options.LabyrinthOptions, "envs.animals.labyrinth:make_labyrinth"),
@@ -31,18 +31,28 @@ def make_env(name: str, **settings: Any) -> Env:
     if name not in ENVS:
         raise ValueError(f"unknown env {name!r}; choose from {', '.join(sorted(ENVS))}")
     row = ENVS[name]
-    known = [field.name for field in fields(row.options)]
+    module, function = row.factory.split(":")
+    return getattr(importlib.import_module(module), function)(_updated(row.options(), settings, name, "env"))
+
+
+def _updated(default: Any, settings: Mapping[str, Any], env: str, group: str) -> Any:
+    """Put settings into options, groups within groups."""
+    known = [field.name for field in fields(default)]
     for setting in settings:
         if setting not in known:
-            raise ValueError(f"unknown setting env.{setting} of {name}; choose from {', '.join(known)}")
-    module, function = row.factory.split(":")
-    return getattr(importlib.import_module(module), function)(row.options(**_frozen(settings)))
+            raise ValueError(f"unknown setting {group}.{setting} of {env}; choose from {', '.join(known)}")
+
+    def value_of(name: str, value: Any) -> Any:
+        before = getattr(default, name)
+        if not is_dataclass(before) or isinstance(value, type(before)):
+            return _frozen(value)
+        if isinstance(value, Mapping):
+            return _updated(before, value, env, f"{group}.{name}")
+        raise ValueError(f"wrong {group}.{name} {value!r} of {env}; choose a {type(before).__name__} or its fields")
+
+    return replace(default, **{name: value_of(name, value) for name, value in settings.items()})
 
 
-def _frozen(settings: Mapping[str, Any]) -> dict[str, Any]:
+def _frozen(value: Any) -> Any:
     """Lists (as they come from YAML or a command line) become tuples, so that options stay hashable."""
-
-    def freeze(value: Any) -> Any:
-        return tuple(freeze(item) for item in value) if isinstance(value, (list, tuple)) else value
-
-    return {name: freeze(value) for name, value in settings.items()}
+    return tuple(_frozen(item) for item in value) if isinstance(value, (list, tuple)) else value

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from aircl_jax.settings.parse import updated
+from envs import ENVS
 from envs.robots.constraints import find_constraint
 from envs.robots.robot import compile_model
 from envs.robots.tasks import ROBOTS, RobotState, Task
@@ -39,9 +41,9 @@ def make_body(name: str, settings: Mapping[str, Any]) -> Body:
     """Make the body of a run's settings `env`. Raises ValueError where the world is not a robot."""
     if name not in ROBOTS:
         raise ValueError(f"env={name} has no body to draw; choose from {', '.join(ROBOTS)}")
-    robot = ROBOTS[name]
-    model = compile_model(robot.body, settings["integrator"])
-    task = robot.tasks[find_constraint(settings["constraint"], name).task]
+    robot, options = ROBOTS[name], updated(ENVS[name].options(), settings, "env")
+    model = compile_model(robot.body, options.integrator, options.body)
+    task = robot.tasks[find_constraint(options.constraint, name).task]
     return Body(model, task, _stage(model, float(model.opt.timestep) * robot.body.frame_skip))
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -145,7 +145,7 @@ def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, A
     if name not in ENVS:
         raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")
     options = updated(ENVS[name].options(), settings, "env")
-    values = {field.name: getattr(options, field.name) for field in fields(options)}
+    values = asdict(options)
     return make_env(name, **values), values
 
 

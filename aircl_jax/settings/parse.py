@@ -54,6 +54,8 @@ def _join(prefix: str, name: str) -> str:
 
 def _converted(default: Any, annotation: Any, value: Any, name: str) -> Any:
     if is_dataclass(annotation):
+        if isinstance(value, type(default)):
+            return value
         if not isinstance(value, Mapping):
             raise ValueError(f"{name}={_shown(value)} is not a group of settings; set its fields, as in {name}.FIELD=…")
         return updated(default, value, name)

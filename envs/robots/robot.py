@@ -16,8 +16,10 @@ from envs.base import Env, Limit, Step
 from envs.options import RobotOptions
 from envs.robots.bodies import Body
 from envs.robots.constraints import Constraint, find_constraint, limit_of, never
+from envs.robots.factors import AS_SHIPPED, BodyOptions, change
 from envs.robots.planar.dynamics import planar_physics
-from envs.robots.tasks import ROBOTS, RobotState
+from envs.robots.rewards import rewarded
+from envs.robots.tasks import ROBOTS, RobotState, sized
 from envs.views import Coordinates
 
 DIVERGED = 1e3  # m, rad, m/s or rad/s; no body comes near it, so a state beyond it, or not finite, is no physics
@@ -45,8 +47,12 @@ def make_pendulum(options: RobotOptions) -> Env:
 def _make(name: str, options: RobotOptions) -> Env:
     constraint = find_constraint(options.constraint, name)
     limit = limit_of(constraint, options.limit)
-    body, box, task = ROBOTS[name].body, ROBOTS[name].action_space, ROBOTS[name].tasks[constraint.task]
-    model = compile_model(body, options.integrator)
+    body, box, height = ROBOTS[name].body, ROBOTS[name].action_space, ROBOTS[name].height
+    task = rewarded(ROBOTS[name].tasks[constraint.task], name, options)
+    length = getattr(options.body, "length", 1.0)
+    if height is not None and length != 1.0:
+        task = sized(task, height, length)
+    model = compile_model(body, options.integrator, options.body)
     physics = ENGINES[options.engine](model, body, options.integrator)
     dt = float(model.opt.timestep) * body.frame_skip
     rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
@@ -81,7 +87,7 @@ def _make(name: str, options: RobotOptions) -> Env:
         reset=reset,
         step=step,
         constraint_input=constraint.of,
-        shipped_demonstrations=_shipped(f"{name}_{options.constraint}") if limit == constraint.limit else None,
+        shipped_demonstrations=_shipped(name, options) if limit == constraint.limit else None,
         view=_view(model, hidden),
         limit=None if constraint.violated is never else Limit(options.constraint, limit, _bounds(constraint, hidden)),
     )
@@ -108,8 +114,11 @@ def _spoken(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _shipped(name: str) -> str | None:
-    """Return the name if envs/demonstrations has that file. Its limit is the constraint's default."""
+def _shipped(body: str, options: RobotOptions) -> str | None:
+    """Name the file of envs/demonstrations. It is of the constraint's default limit, the task and the body as shipped."""
+    if options.reward != "task" or options.action_cost or options.body != type(options.body)():
+        return None
+    name = f"{body}_{options.constraint}"
     return name if (resources.files("envs") / "demonstrations" / f"{name}.npz").is_file() else None
 
 
@@ -117,10 +126,12 @@ def _add(state: RobotState, noise: Float[Array, " N"]) -> RobotState:
     return RobotState(state.qpos + noise[: state.qpos.size], state.qvel + noise[state.qpos.size :])
 
 
-def compile_model(body: Body, integrator: str) -> Any:
-    """Compile the body's `MjModel` with the solver settings of its row."""
+def compile_model(body: Body, integrator: str, factors: BodyOptions = AS_SHIPPED) -> Any:
+    """Compile the body's `MjModel`, changed by the factors, with the solver settings of its row."""
     mujoco: Any = importlib.import_module("mujoco")
-    model = mujoco.MjModel.from_xml_string(body.mjcf)
+    spec = mujoco.MjSpec.from_string(body.mjcf)
+    change(spec, factors)
+    model = spec.compile()
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     model.opt.iterations, model.opt.ls_iterations = body.iterations, body.ls_iterations
     if not body.contacts:

@@ -1,7 +1,7 @@
 """What is seen, rewarded and healthy in each robot's tasks (Gymnasium v4/v5; ICRL benchmark where there is a wall)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -32,6 +32,7 @@ class Robot:
     body: Body
     action_space: Box
     tasks: dict[str, Task]  # by the task that a constraint asks for (envs.robots.constraints.Constraint.task)
+    height: int | None = None  # which coordinate of qpos is a height that health is a matter of
 
 
 def everything(state: RobotState) -> Float[Array, " O"]:
@@ -87,6 +88,19 @@ def stay_left(before: RobotState, after: RobotState, action: Float[Array, " A"],
     return balanced(after) * jnp.interp(after.qpos[0], jnp.array([-0.01, 0.0]), jnp.array([1.0, 0.1]))
 
 
+def sized(task: Task, height: int, length: float) -> Task:
+    """Judge health, in the reward too, by the height of a body of `length` 1: height/length."""
+
+    def at(state: RobotState) -> RobotState:
+        return state._replace(qpos=state.qpos.at[height].divide(length))
+
+    return replace(
+        task,
+        reward=lambda before, after, action, dt: task.reward(before, at(after), action, dt),
+        healthy=lambda state: task.healthy(at(state)),
+    )
+
+
 _STAY_LEFT = Task(everything, stay_left, balanced)
 
 ROBOTS: dict[str, Robot] = {
@@ -99,6 +113,7 @@ ROBOTS: dict[str, Robot] = {
         WALKER,
         Box(6),
         {"forward": Task(walker_view, walk, upright), "wall": Task(everything, walk_either_way, upright)},
+        height=1,
     ),
     "pendulum": Robot(PENDULUM, Box(1, -3.0, 3.0), {"forward": _STAY_LEFT, "wall": _STAY_LEFT}),
 }

@@ -84,7 +84,7 @@ def register() -> None:
 def choices(group: str, env: str) -> list[str]:
     """The settings within a group, such as "" (the top), "env" or "train.ppo"."""
     names: dict[str, list[str]] = {"": [field.name for field in fields(RunSettings)] + ["env", "train", "scale"]}
-    names["env"] = [field.name for field in fields(ENVS[env].options)] if env in ENVS else list(ENVS)
+    names |= _nested("env", ENVS[env].options()) if env in ENVS else {"env": list(ENVS)}
     names |= _nested("train", TrainConfig())
     return names.get(group, names[""])
 

@@ -17,6 +17,7 @@ from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.parse import flatten, plain
 from aircl_jax.settings.renamed import renamed
 from aircl_jax.settings.train_config import TrainConfig
+from envs import ENVS
 from experiments.cli.progress import Reporter
 from experiments.shared.kept_files import keep
 from experiments.shared.paired_tests import Values
@@ -183,8 +184,8 @@ def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
     A setting that a cell does not name is younger than the cell; its default is what was done before there was one.
     """
     found: dict[str, list[str]] = {}
-    before = flatten({"train": plain(asdict(TrainConfig()))})
     for (env, method), cell in cells.items():
+        before = flatten({"env": plain(asdict(ENVS[env].options())), "train": plain(asdict(TrainConfig()))})
         here, there = flatten(settings_of(spec_of(job, env, method))), flatten(renamed(cell["settings"]))
         for name in here | there:
             then = there.get(name, before.get(name))
