@@ -15,7 +15,7 @@ from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from aircl_jax.transfer import objectives
 from aircl_jax.transfer.fresh import Fresh, episodes, train_fresh
-from aircl_jax.transfer.objectives import OfStep
+from aircl_jax.transfer.objectives import OfStep, Part
 from aircl_jax.types import Trajectory
 from envs import Box, Env, make_env
 

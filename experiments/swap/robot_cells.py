@@ -1,0 +1,174 @@
+"""Cells of the swap table on robots: results/swap/ENV/ROW/TEST.json, made one after the other, skipped where they exist."""
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from aircl_jax import make_env, train
+from aircl_jax.model.networks import BoundNetworks, make_networks
+from aircl_jax.runs.result import Result
+from aircl_jax.settings.learner_config import learner_config
+from aircl_jax.transfer import objectives
+from aircl_jax.transfer.swap import EPISODE_SEED, EPISODES, SwapResult, measure, recombine
+from aircl_jax.types import Trajectory
+from envs import Env
+from experiments.shared.commits import current_commit
+from experiments.shared.kept_files import keep
+from experiments.swap.robot_tests import Test
+
+ORACLE, UNIFORM, RANDOM, AS_IS = "oracle", "uniform", "random", " as it is"
+FIRST_SEED = 9000  # of fresh policies: no learned seed, no seed that a setting was chosen on
+Cell = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Where cells and runs are kept, and how many seeds and iterations they have."""
+
+    out: Path
+    runs: Path
+    oracle_seeds: int
+    seeds: int
+    iterations: int  # of fresh policies; 0: the learner's own
+
+    def path(self, env: str, row: str, test: str) -> Path:
+        return self.out / env / row.replace(" ", "_") / f"{test.replace(' ', '_')}.json"
+
+
+def cell(study: Study, env: str, row: str, test: Test) -> Cell:
+    """Return the finished cell, trained now where it is missing."""
+    path = study.path(env, row, test.name)
+    if path.exists():
+        return json.loads(path.read_text())
+    print(f"{row} on {env}, {test.name}: {test.about}", flush=True)
+    commit, started = current_commit(), time.perf_counter()
+    measures = _measured(study, env, row, test)
+    made = {
+        "env": env,
+        "row": row,
+        "test": test.name,
+        "about": test.about,
+        "commit": commit,
+        "seconds": round(time.perf_counter() - started, 1),
+        **measures,
+    }
+    keep(path, made)
+    return made
+
+
+def applies(row: str, test: Test) -> bool:
+    """Whether the row has what the test recombines."""
+    if row in (ORACLE, UNIFORM):
+        return True
+    if row.endswith(AS_IS):
+        return test.reward == "learned" and test.constraint == "learned"
+    return True
+
+
+def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:
+    world = make_env(env, **test.settings)
+    if row == UNIFORM:
+        return {"metrics": _uniform(world, study.oracle_seeds)}
+    if row.endswith(AS_IS):
+        return {"metrics": _as_it_is(_trained(study, env, row.removesuffix(AS_IS)), world)}
+    config = learner_config(env, constrained=test.constrained)
+    if study.iterations:
+        config = replace(config, iterations=study.iterations)
+    number = study.oracle_seeds if row == ORACLE else study.seeds
+    reward, cost = _parts(study, env, row, test, number, world)
+    practice = make_env(env, **test.settings, terminate=True) if config.restart else None
+    seeds = range(FIRST_SEED, FIRST_SEED + number)
+    swapped = recombine(world, objectives.objective(reward, cost), seeds, config, test.constrained, practice)
+    return {"seeds": list(seeds), "metrics": swapped.metrics, "curve": _curve(swapped)}
+
+
+def _parts(study: Study, env: str, row: str, test: Test, number: int, world: Any) -> tuple[Any, Any]:
+    """The reward and the cost of the test, from this row."""
+    reward = objectives.world_reward()
+    cost = objectives.world_cost() if test.constrained else objectives.no_cost()
+    if row == ORACLE:
+        return reward, cost
+    if row == RANDOM:
+        result = _trained(study, env, "airl_centred")
+        keys = jax.vmap(jax.random.key)(np.arange(number, dtype=np.uint32))
+        stats = result.state(0).obs_stats
+        networks = make_networks(world, result.spec.method, result.spec.config)
+        drawn = objectives.random_reward(networks, stats, keys)
+        return (drawn if test.reward == "learned" else reward), cost
+    result = _trained(study, env, row)
+    if test.reward == "learned":
+        reward = objectives.learned_reward(result, number)
+    if test.constraint == "learned":
+        tests_steps = result.networks.method.tests_steps
+        cost = objectives.learned_cost(result, number) if tests_steps else objectives.no_cost()
+    return reward, cost
+
+
+def _trained(study: Study, env: str, method: str) -> Result:
+    """The run of a row of `METHODS` with its own settings, which resumes where it was cut."""
+    directory = study.runs / env / method
+    return train(env, method, seeds=study.seeds, run_dir=directory, resume=True)
+
+
+def _uniform(world: Env, number: int) -> dict[str, list[float]]:
+    """Measure uniform actions in the box, in as many batches as there are seeds."""
+    space: Any = world.action_space
+
+    def act(obs: Array, t: Array, key: Array) -> Array:
+        return jax.random.uniform(key, space.shape, minval=space.low, maxval=space.high)
+
+    return measure(_played(world, act, number))
+
+
+def _as_it_is(result: Result, world: Env) -> dict[str, list[float]]:
+    """Measure the learned policies in the world, without any further training."""
+    per_seed = []
+    for index in range(len(result.summary["seeds"])):
+        acting = result.bound(index)
+
+        def act(obs: Array, t: Array, key: Array, acting: BoundNetworks = acting) -> Array:
+            return jnp.asarray(acting.policy(obs, t).sample(seed=key))
+
+        per_seed.append(measure(_played(world, act, 1)))
+    return {name: [value for seed in per_seed for value in seed[name]] for name in per_seed[0]}
+
+
+def _played(world: Env, act: Callable[[Array, Array, Array], Array], number: int) -> Trajectory:
+    """Draw `number` batches of EPISODES episodes, [B, N, T, …], of actions act(obs, t, key)."""
+
+    def episode(key: Array) -> Trajectory:
+        key_reset, key_steps = jax.random.split(key)
+
+        def step(carry: tuple, inputs: tuple[Array, Array]) -> tuple[tuple, Trajectory]:
+            (state, obs, alive), (t, key) = carry, inputs
+            key_action, key_world = jax.random.split(key)
+            action = act(obs, t, key_action)
+            state, outcome = world.step(key_world, state, action)
+            zero = jnp.zeros(())
+            taken = Trajectory(obs, action, zero, zero, outcome.reward, outcome.cost, alive, zero)
+            return (state, outcome.obs, alive * (1.0 - outcome.terminated)), taken
+
+        keys = jax.random.split(key_steps, world.horizon)
+        steps = (jnp.arange(world.horizon), keys)
+        return jax.lax.scan(step, (*world.reset(key_reset), jnp.ones(())), steps)[1]
+
+    keys = jax.random.split(jax.random.key(EPISODE_SEED), (number, EPISODES))
+    drawn = jax.jit(jax.vmap(jax.vmap(episode)))(keys)
+    return drawn._replace(bootstrap=drawn.bootstrap[..., 0])
+
+
+def _curve(swapped: SwapResult, points: int = 20) -> dict[str, list]:
+    """Thin the return and the cost by the policy's own (reward, cost) to a few iterations."""
+    history = swapped.fresh.history
+    length = len(history["return"])
+    rows = sorted({round(i * (length - 1) / points) for i in range(points + 1)})
+    shown = ("return", "cost")
+    return {"iteration": rows} | {name: np.round(history[name][rows], 3).tolist() for name in shown}
