@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from aircl_jax.demonstrations.sources import load_shipped as load_demonstrations
     from aircl_jax.figures.of_a_run import figures_of
     from aircl_jax.methods import METHODS
+    from aircl_jax.reports.card import card_of
     from aircl_jax.runs.metrics_log import read_metrics
     from aircl_jax.runs.result import Result
     from aircl_jax.runs.sweep import sweep
+    from aircl_jax.transfer.swap import swap
     from envs import ENVS, make_env
 
 _HOMES = {
@@ -26,6 +28,7 @@ _HOMES = {
     "METHODS": "aircl_jax.methods:METHODS",
     "TERMS": "aircl_jax.algorithm.terms.table:TERMS",
     "Result": "aircl_jax.runs.result:Result",
+    "card_of": "aircl_jax.reports.card:card_of",
     "figures_of": "aircl_jax.figures.of_a_run:figures_of",
     "from_arrays": "aircl_jax.demonstrations.files:from_arrays",
     "load": "aircl_jax.api:load",
@@ -37,6 +40,7 @@ _HOMES = {
     "read_metrics": "aircl_jax.runs.metrics_log:read_metrics",
     "soft_value_iteration": "aircl_jax.demonstrations.soft_optimal:soft_value_iteration",
     "sweep": "aircl_jax.runs.sweep:sweep",
+    "swap": "aircl_jax.transfer.swap:swap",
     "train": "aircl_jax.api:train",
 }
 
@@ -45,6 +49,7 @@ __all__ = [
     "METHODS",
     "TERMS",
     "Result",
+    "card_of",
     "figures_of",
     "from_arrays",
     "load",
@@ -55,6 +60,7 @@ __all__ = [
     "occupancy",
     "read_metrics",
     "soft_value_iteration",
+    "swap",
     "sweep",
     "train",
 ]

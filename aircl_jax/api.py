@@ -122,13 +122,15 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
         result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
             from aircl_jax.figures import of_a_run
+            from aircl_jax.reports.card import as_json, as_markdown, card_of
             from aircl_jax.reports.recovered_words import reading
 
             figures = of_a_run.write_figures(result, directory.path / FIGURES)
-            words = reading(result)
+            words, card = reading(result), card_of(result)
             if command:
                 command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
             directory.write_report(run_report.report(summary, result.alarms, figures, command, words))
+            directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))
             directory.write_summary(summary)
     return result
 

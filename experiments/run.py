@@ -1,8 +1,10 @@
 """Train a method on an environment: `python -m experiments.run env=gridworld method=aircl_corrected`; see `--help`."""
 
+import json
 import shlex
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from aircl_jax.settings.parse import updated
 from experiments.cli.hydra_cli import Composed, launch
@@ -22,7 +24,10 @@ def run(composed: Composed) -> None:
     settings = updated(RunSettings(), values)
 
     from aircl_jax import train
+    from aircl_jax.reports.card import card_of
+    from aircl_jax.reports.card import closing as card_closing
     from aircl_jax.reports.run_report import closing
+    from aircl_jax.runs.directory import CARD
 
     iterations = f"{settings.iterations} iterations of {settings.seeds} seeds"
     reporter = Reporter(f"{settings.method} on {composed.env}, {iterations}, in {settings.run_dir}")
@@ -37,7 +42,9 @@ def run(composed: Composed) -> None:
         )
     finally:
         reporter.close()
-    print(closing(result.summary, result.alarms, settings.run_dir))
+    kept = Path(settings.run_dir) / CARD
+    card = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else card_of(result)  # of a run from before cards
+    print(closing(result.summary, result.alarms, settings.run_dir) + card_closing(card))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ FLOORS = (
     ("algorithm",),
     ("runs",),
     ("experts",),
+    ("transfer",),
     ("analysis",),
     ("reports",),
     ("figures",),

@@ -26,7 +26,8 @@ from envs import ENVS
 
 CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
 SUMMARY, REPORT, FIGURES = "summary.json", "report.md", "figures"
-_OWN = (CONFIG, METRICS, TIMING, STATE, SUMMARY, REPORT, FIGURES)
+CARD, CARD_WORDS = "card.json", "card.md"
+_OWN = (CONFIG, METRICS, TIMING, STATE, SUMMARY, REPORT, FIGURES, CARD, CARD_WORDS)
 _FREE = ("iterations", "demonstrations.source")  # what a resumed run may change: its length, and a file's name
 
 Settings = Mapping[str, Any]  # of a run, nested, as config.yaml holds them
@@ -63,7 +64,7 @@ class RunDirectory:
         if self.start == 0:
             _clear(self.path)
         write_whole(self.path / CONFIG, yaml.safe_dump(dict(self.settings), sort_keys=False, allow_unicode=True))
-        for name in (SUMMARY, REPORT):
+        for name in (SUMMARY, REPORT, CARD, CARD_WORDS):
             (self.path / name).unlink(missing_ok=True)
         for iteration, checkpoint in _checkpoints(self.path).items():
             if iteration > self.start:
@@ -120,6 +121,10 @@ class RunDirectory:
 
     def write_report(self, report: str) -> None:
         write_whole(self.path / REPORT, report)
+
+    def write_card(self, as_json: str, in_words: str) -> None:
+        write_whole(self.path / CARD, as_json)
+        write_whole(self.path / CARD_WORDS, in_words)
 
 
 def open_run(

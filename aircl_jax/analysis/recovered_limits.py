@@ -1,0 +1,100 @@
+"""Compute the limits that δ₁ draws: for each coordinate, where demonstrated steps become infeasible as it alone is moved."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from aircl_jax.model.feasibility import log_step_feasibility
+from aircl_jax.model.networks import Networks
+from aircl_jax.runs.result import Result
+from aircl_jax.types import FeasibilityScores, TrainState
+from envs import Box
+
+STEPS = 100  # demonstrated steps that are moved
+POINTS = 81  # values that each coordinate takes
+FORBIDDEN_BELOW = 0.5  # mean δ₁ under which a value is forbidden
+
+
+class Limits(NamedTuple):
+    """The limits of every seed and coordinate, NaN where δ₁ draws none, and how far the demonstrations go."""
+
+    names: tuple[str, ...]
+    lower: Float[np.ndarray, "S I"]
+    upper: Float[np.ndarray, "S I"]
+    least: Float[np.ndarray, " I"]  # of the demonstrations
+    greatest: Float[np.ndarray, " I"]
+
+    def metrics(self) -> dict[str, Float[np.ndarray, " S"]]:
+        """{recovered_limit/COORDINATE/upper|lower: [S]}."""
+        sides = (("upper", self.upper), ("lower", self.lower))
+        return {
+            f"recovered_limit/{name}/{side}": values[:, index]
+            for index, name in enumerate(self.names)
+            for side, values in sides
+        }
+
+
+def recovered_limits(result: Result) -> Limits | None:
+    """Move one coordinate of demonstrated steps at a time; None where δ₁ is not of a robot's coordinates.
+
+    A limit is the first value, going out from the demonstrations' median, at which the mean of δ₁ falls below ½.
+    """
+    nets, space = result.networks, result.spec.env.action_space
+    if not nets.method.tests_steps or not isinstance(space, Box):
+        return None
+    kept = np.asarray(result.expert.mask[0]) > 0
+    obs, action = np.asarray(result.expert.obs[0])[kept], np.asarray(result.expert.action[0])[kept]
+    seen = np.concatenate([obs, np.clip(action, space.low, space.high)], axis=1)
+    least, greatest = seen.min(axis=0), seen.max(axis=0)
+    width = greatest - least
+    low, high = least - width, greatest + width  # as far again as the demonstrations go
+    low[obs.shape[1] :], high[obs.shape[1] :] = space.low, space.high
+    grid = np.linspace(low, high, POINTS)  # [K, I]
+    moved = seen[np.linspace(0, len(seen) - 1, min(STEPS, len(seen))).astype(int)]
+    delta = np.asarray(
+        jax.vmap(partial(mean_delta, nets), (0, None, None))(result.states, jnp.asarray(grid), jnp.asarray(moved))
+    )
+    middle = np.median(seen, axis=0)
+    names = (*result.spec.env.coordinate_names, *result.spec.env.motor_names)
+    shown = [
+        index
+        for index in range(len(names))
+        if (nets.feasibility_sees_state if index < obs.shape[1] else nets.feasibility_sees_action)
+    ]
+    ends = np.array([[limits_of(grid[:, i], one[:, i], middle[i]) for i in shown] for one in delta])
+    return Limits(tuple(names[i] for i in shown), ends[..., 0], ends[..., 1], least[shown], greatest[shown])
+
+
+def mean_delta(nets: Networks, state: TrainState, grid: Float[Array, "K I"], steps: Float[Array, "M I"]) -> Float[Array, "K I"]:
+    """Compute the mean of δ₁ over the steps with coordinate i at each of its values, the others as they are."""
+    bound, number = nets.bind(state.params, state.obs_stats), nets.env.obs_size
+
+    def delta(step: Float[Array, " I"]) -> Float[Array, ""]:
+        logit = bound.step_logit(step[:number], step[number:])
+        scores = FeasibilityScores(logit[None], jnp.zeros(()), jnp.ones(1), state.params.thresholds)
+        return jnp.exp(log_step_feasibility(nets.method, nets.config.coefficients, scores)[0])
+
+    def at(index: Array, value: Array) -> Float[Array, ""]:
+        return jax.vmap(lambda step: delta(step.at[index].set(value)))(steps).mean()
+
+    return jax.vmap(jax.vmap(at), (None, 0))(jnp.arange(grid.shape[1]), grid)
+
+
+def limits_of(grid: Float[np.ndarray, " K"], delta: Float[np.ndarray, " K"], middle: float) -> tuple[float, float]:
+    """Find the first values below and above the middle at which δ falls below ½, interpolated; NaN where it never does."""
+
+    def first(values: np.ndarray, along: np.ndarray) -> float:
+        below = np.flatnonzero(along < FORBIDDEN_BELOW)
+        if not len(below):
+            return float("nan")
+        at = below[0]
+        if at == 0:
+            return float(values[0])
+        return float(np.interp(FORBIDDEN_BELOW, along[[at, at - 1]], values[[at, at - 1]]))
+
+    under, over = grid <= middle, grid >= middle
+    return first(grid[under][::-1], delta[under][::-1]), first(grid[over], delta[over])
