@@ -191,7 +191,7 @@ def _refuse_other_settings(path: Path, settings: Settings) -> None:
         if of_before := old_name(name):
             raise ValueError(f"run_dir={path} is of an older version: {of_before}; choose overwrite=true or another directory")
     asked = flatten(settings)
-    kept = _younger(settings) | kept
+    kept = {name: value for name, value in _defaults(settings).items() if name in asked} | kept
     differing = [name for name in kept | asked if name not in _FREE and kept.get(name) != asked.get(name)]
     if differing:
         listed = "; ".join(f"{name} is {kept.get(name)} there and {asked.get(name)} here" for name in differing)
@@ -200,8 +200,8 @@ def _refuse_other_settings(path: Path, settings: Settings) -> None:
         )
 
 
-def _younger(settings: Settings) -> dict[str, Any]:
-    """Give the world's settings their defaults: what a run did that is older than a setting of its world."""
+def _defaults(settings: Settings) -> dict[str, Any]:
+    """Give the defaults of the world's settings: what a run did that is older than a setting of its world."""
     env = settings.get("env", {})
     named = env.get("name") in ENVS and "own" not in env
     return flatten({"env": asdict(ENVS[env["name"]].options())}) if named else {}

@@ -76,7 +76,7 @@ def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
         return f"unknown {group} {name!r}; choose from {', '.join(error.options)}"
     unknown = re.search(r"Could not override '([^']+)'", str(error))
     if isinstance(error, ConfigCompositionException) and unknown:
-        key = unknown.group(1)
+        key = getattr(error.__cause__, "full_key", None) or unknown.group(1)  # of a group, the member that is unknown
         if of_before := old_name(key):
             return of_before
         env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), "gridworld")

@@ -68,6 +68,15 @@ def test_a_changed_setting_is_listed(tmp_path):
         open_run(tmp_path, "resume", env={"name": "gridworld", "slip": 0.5})
 
 
+def test_a_run_that_is_older_than_a_setting_of_its_world_resumes_where_that_has_its_default(tmp_path):
+    with open_run(tmp_path, env={"name": "swimmer", "noise": 0.001}).held():
+        pass
+    today = {"name": "swimmer", "noise": 0.001, "reward": "task", "body": {"mass": 1.0, "gears": {"front": 1.0}}}
+    assert open_run(tmp_path, "resume", env=today).start == 0
+    with pytest.raises(ValueError, match=r"settings: env.body.gears.front is 1.0 there and -1.0 here; choose"):
+        open_run(tmp_path, "resume", env=today | {"body": {"mass": 1.0, "gears": {"front": -1.0}}})
+
+
 def test_rows_without_a_metric_count_as_undefined():
     stacked = stack([{"a": [1.0, 2.0]}, {"a": [3.0, None], "b": [0.0, 1.0]}])
     assert np.array_equal(stacked["a"], [[1, 2], [3, np.nan]], equal_nan=True)
@@ -97,6 +106,7 @@ class Outer:
 def test_settings_are_converted_to_the_types_of_the_dataclass():
     made = updated(Outer(), {"limit": 2, "cells": [[1, 2]], "inner": {"rate": 1}})
     assert made == Outer(limit=2.0, cells=((1, 2),), inner=Inner(1.0))
+    assert updated(Outer(), {"inner": Inner(2.0)}).inner == Inner(2.0)
 
 
 @pytest.mark.parametrize(

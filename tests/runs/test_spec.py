@@ -1,13 +1,18 @@
 """What a run is made of: its settings are enough to make it again, or it says that they are not."""
 
+from pathlib import Path
+from typing import Any
+
 import jax.numpy as jnp
 import pytest
 
+import envs
 from aircl_jax import Result, train
 from aircl_jax.runs.spec import make_spec, read_spec
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs import make_env
+from envs.robots.factors import SwimmerBody, SwimmerMotors
 
 GIVEN = {"contrast_prior": "method", "seeds": 1, "first_seed": 0, "iterations": 2, "demonstrations": "default"}
 SIMULATED = {"data": "simulated"}
@@ -17,6 +22,26 @@ SIMULATED = {"data": "simulated"}
 def test_a_spec_is_read_from_its_settings(env, settings):
     spec = make_spec(env, "aircl_corrected", env_settings=settings, config={}, **GIVEN)
     assert read_spec(spec.settings).settings == spec.settings
+
+
+def test_a_changed_body_is_in_the_settings_and_read_from_them():
+    shipped = Path(envs.__file__).parent / "demonstrations" / "swimmer_torque.npz"
+    given: dict[str, Any] = GIVEN | {"demonstrations": str(shipped)}
+    body = {"mass": 1.5, "gears": {"front": -1}}
+    spec = make_spec("swimmer", "airl", env_settings={"body": body, "reward": "backwards"}, config={}, **given)
+    assert spec.settings["env"]["body"] == {"mass": 1.5, "gear": 1.0, "length": 1.0, "viscosity": 1.0} | {
+        "gears": {"front": -1.0, "rear": 1.0}
+    }
+    assert read_spec(spec.settings).settings == spec.settings
+    same = SwimmerBody(mass=1.5, gears=SwimmerMotors(front=-1.0))
+    assert make_spec("swimmer", "airl", env_settings={"body": same}, config={}, **given).env_settings["body"]["mass"] == 1.5
+
+
+def test_settings_of_before_there_were_changed_bodies_make_the_same_world():
+    today = make_spec("swimmer", "airl", env_settings={}, config={}, **GIVEN).settings
+    new = ("reward", "target", "action_cost", "body")
+    before = today | {"env": {name: value for name, value in today["env"].items() if name not in new}}
+    assert read_spec(before).settings == today
 
 
 def test_recorded_demonstrations_that_have_changed_are_noticed():

@@ -77,9 +77,11 @@ def with_settings(method: str) -> dict[str, Any]:
 def test_a_cell_made_with_other_settings_or_code_is_named():
     cell = with_settings("aircl")
     cell["settings"]["train"]["ppo"]["learning_rate"] = 0.1
+    del cell["settings"]["env"]["slip"]  # the same of a world's setting
     del cell["settings"]["train"]["pool_factor"]  # as if pools were younger than the cell: without one is with one of 1
     with mock.patch.object(report, "changed_since", {"abc1234": True}.get):
         text = report.markdown(study_of(cell, with_settings("bc")))
     assert "train.ppo.learning_rate is 0.1 there and 0.0005 here: gridworld/aircl" in text
     assert "train.pool_factor" not in text
+    assert "env.slip" not in text
     assert "commit `abc1234` (the library has changed since): gridworld: aircl, bc" in text
