@@ -11,7 +11,7 @@ from envs.base import Env
 
 @dataclass(frozen=True)
 class EnvRow:
-    options: type[Any]  # frozen dataclass of settings
+    options: type[Any]  # an `Options`, frozen dataclass of settings
     factory: str  # "module:function", called with the options
 
 
@@ -36,7 +36,7 @@ def make_env(name: str, **settings: Any) -> Env:
         if setting not in known:
             raise ValueError(f"unknown setting env.{setting} of {name}; choose from {', '.join(known)}")
     module, function = row.factory.split(":")
-    return getattr(importlib.import_module(module), function)(row.options(**_frozen(settings)))
+    return getattr(importlib.import_module(module), function)(row.options(**_frozen(settings)).resolved())
 
 
 def _frozen(settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ import yaml
 
 from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, read_metrics, to_json
 from aircl_jax.runs.recorder import Row
+from aircl_jax.settings.env_defaults import unnamed_settings
 from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.renamed import RENAMED, old_name
 from aircl_jax.storage import write_whole
@@ -185,6 +186,8 @@ def _refuse_other_settings(path: Path, settings: Settings) -> None:
         if of_before := old_name(name):
             raise ValueError(f"run_dir={path} is of an older version: {of_before}; choose overwrite=true or another directory")
     asked = flatten(settings)
+    before = unnamed_settings(asked.get("env.name", ""))
+    kept = {name: before[name] for name in asked if name in before} | kept
     differing = [name for name in kept | asked if name not in _FREE and kept.get(name) != asked.get(name)]
     if differing:
         listed = "; ".join(f"{name} is {kept.get(name)} there and {asked.get(name)} here" for name in differing)
