@@ -77,10 +77,11 @@ class Tabular(NamedTuple):
 
 
 class SoftOptimalExpert(NamedTuple):
-    """The exact expert of a finite world: a soft-optimal policy that never enters what is forbidden."""
+    """The exact expert of a finite world: a soft-optimal policy that never enters what is forbidden, but where it lapses."""
 
     table: Tabular
     temperature: float
+    lapse: float = 0.0  # share of its actions that are uniformly random
 
 
 class Recorded(NamedTuple):
@@ -135,6 +136,7 @@ class Env:
     success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal
     tabular: Tabular | None = None  # the world as tables, where it is finite
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
+    expert_lapse: float = 0.0  # share of that expert's actions that are uniformly random
     recorded: Recorded | None = None  # demonstrations of the world's own data, where it has some
     shipped_demonstrations: str | None = None  # name of the shipped D_E and its reference set, where experts are trained
     view: View = BY_NUMBER  # how to draw the world, and what its observations and actions are called
@@ -146,7 +148,7 @@ class Env:
         if self.recorded is not None:
             return self.recorded
         if self.tabular is not None:
-            return SoftOptimalExpert(self.tabular, self.expert_temperature)
+            return SoftOptimalExpert(self.tabular, self.expert_temperature, self.expert_lapse)
         return None if self.shipped_demonstrations is None else Shipped(self.shipped_demonstrations)
 
     @property

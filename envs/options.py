@@ -1,28 +1,64 @@
 """The settings of every environment, light enough to import without the environment itself (MJX alone takes seconds)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 from typing import Literal
 
+from envs.layouts import LAYOUTS
 from envs.robots.factors import BodyOptions, PendulumBody, SwimmerBody, WalkerBody
 
+STEP_PRICE = -3.0  # of a step outside the goal, where the reward is of the goal
+HORIZONS = {"goal": 20, "sites": 15}  # steps; of the distance: the way across the layout and back, Table 2's 10 at 6×6
+
+
+class Options:
+    """Settings of a world."""
+
+    def resolved(self) -> "Options":
+        """The same settings with what "default" stands for, where that follows from others. Raises ValueError."""
+        return self
+
 
 @dataclass(frozen=True)
-class GridOptions:
-    """The 6×6 grid of the paper's Section 7.1; cells are [row, column]."""
+class GridOptions(Options):
+    """A grid with obstacles that may be entered; cells are [row, column]. What is given replaces the layout's own."""
 
-    size: int = 6
-    start: tuple[int, int] = (0, 0)
-    goal: tuple[int, int] = (5, 5)
-    obstacles: tuple[tuple[int, int], ...] = ((1, 1), (0, 4), (2, 3), (4, 1), (4, 4))
+    layout: str = "default"  # default: the paper's Section 7.1; second, third: other obstacles; wall: 7×7 with corridors
+    reward: str = "distance"  # distance: gained; goal: −3 a step outside it; sites: three that absorb, and mud
+    size: int | Literal["default"] = "default"  # default: the layout's
+    start: tuple[int, int] | Literal["any"] = (0, 0)  # any: each clean cell that does not absorb is as likely
+    goal: tuple[int, int] | Literal["default"] = "default"  # default: the layout's last cell; none where there are sites
+    obstacles: tuple[tuple[int, int], ...] | Literal["default"] = "default"  # default: the layout's
+    walls: tuple[tuple[int, int], ...] = ()  # cells that cannot be entered: the move stays where it was
+    dislikes: tuple[tuple[int, int], ...] = ()  # allowed cells in which a step's reward is lowered: a taste, no constraint
+    dislike: float = 3.0  # by how much
     slip: float = 0.01  # probability that a uniformly random action replaces the chosen one; Section 7.1
-    horizon: int = 10  # steps; Table 2
+    wind: float = 0.0  # probability that the move down replaces the one that would be made
+    horizon: int | Literal["default"] = "default"  # steps; default: the reward's, HORIZONS
     reward_scale: float = 5.0  # true reward per unit of Manhattan distance gained
     temperature: float = 1.0  # of the expert's MaxEnt policy
+    lapse: float = 0.0  # share of the expert's actions that are uniformly random, into obstacles too
+
+    def resolved(self) -> "GridOptions":
+        _require(self.layout in LAYOUTS, "env.layout", self.layout, ", ".join(LAYOUTS))
+        _require(self.reward in ("distance", *HORIZONS), "env.reward", self.reward, "distance, goal or sites")
+        layout, has_sites = LAYOUTS[self.layout], self.reward == "sites"
+        if has_sites and self.goal != "default":
+            raise ValueError(f"env.goal={list(self.goal)}: reward=sites has three sites in its place; choose goal=default")
+        if self.reward != "distance" and self.reward_scale != GridOptions.reward_scale:
+            raise ValueError(f"env.reward_scale={self.reward_scale} is of reward=distance; choose it, or leave the scale")
+        across = 2 * (layout.size - 1)
+        return replace(
+            self,
+            size=layout.size if self.size == "default" else self.size,
+            goal=layout.goal if self.goal == "default" and not has_sites else self.goal,
+            obstacles=layout.obstacles if self.obstacles == "default" else self.obstacles,
+            horizon=HORIZONS.get(self.reward, across) if self.horizon == "default" else self.horizon,
+        )
 
 
 @dataclass(frozen=True)
-class NonMarkovOptions:
+class NonMarkovOptions(Options):
     """The grid without obstacles: infeasible are the trajectories that visit zone A and later zone B; each alone is allowed."""
 
     size: int = 6
@@ -37,7 +73,7 @@ class NonMarkovOptions:
 
 
 @dataclass(frozen=True)
-class RobotOptions:
+class RobotOptions(Options):
     """Settings shared by the MuJoCo bodies. Raises ValueError on a value that no body can have."""
 
     constraint: str = "torque"  # a name in envs.robots.constraints.CONSTRAINTS: torque, position, none, or one of your own
@@ -94,7 +130,7 @@ class PendulumOptions(RobotOptions):
 
 
 @dataclass(frozen=True)
-class MeerkatOptions:
+class MeerkatOptions(Options):
     """Tables of meerkat tracks, or of any animal with a mapping; the simulated mob where there are none."""
 
     data: str = "default"  # folder of tables; default: that of the variable AIRCL_DATA, else simulated; simulated
@@ -108,7 +144,7 @@ class MeerkatOptions:
 
 
 @dataclass(frozen=True)
-class LabyrinthOptions:
+class LabyrinthOptions(Options):
     """Mice in a labyrinth of 127 nodes (Rosenberg et al. 2021), or simulated ones in the same kind of maze."""
 
     data: str = "default"  # folder with emissions.npy and trans_probs.npy; as for MeerkatOptions

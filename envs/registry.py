@@ -11,7 +11,7 @@ from envs.base import Env
 
 @dataclass(frozen=True)
 class EnvRow:
-    options: type[Any]  # frozen dataclass of settings
+    options: type[Any]  # an `Options`, frozen dataclass of settings
     factory: str  # "module:function", called with the options
 
 
@@ -32,7 +32,7 @@ def make_env(name: str, **settings: Any) -> Env:
         raise ValueError(f"unknown env {name!r}; choose from {', '.join(sorted(ENVS))}")
     row = ENVS[name]
     module, function = row.factory.split(":")
-    return getattr(importlib.import_module(module), function)(_updated(row.options(), settings, name, "env"))
+    return getattr(importlib.import_module(module), function)(_updated(row.options(), settings, name, "env").resolved())
 
 
 def _updated(default: Any, settings: Mapping[str, Any], env: str, group: str) -> Any:

@@ -1,9 +1,12 @@
 """How a world is drawn and what its observations and actions are called: `Env.view` is one of these."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from envs.layouts import Cell
 
 
 class Coordinates(NamedTuple):
@@ -17,9 +20,16 @@ class Grid(NamedTuple):
     """A square grid: cells are [row, column], and observation i is one-hot of [i // size, i % size]."""
 
     size: int
-    start: tuple[int, int]
-    goal: tuple[int, int]
-    zones: dict[str, tuple[tuple[int, int], ...]]  # the cells that the constraint speaks of, by name
+    start: Cell | None  # None: several cells
+    goal: Cell | None  # None: there is none
+    zones: dict[str, tuple[Cell, ...]]  # the cells that the constraint speaks of, by name
+    sites: Mapping[Cell, float] = {}  # cells that absorb as a goal does, and their reward
+    tastes: tuple[Cell, ...] = ()  # allowed cells that the reward speaks against
+    walls: tuple[Cell, ...] = ()  # cells that cannot be entered
+
+    @property
+    def absorbing(self) -> tuple[Cell, ...]:
+        return (*self.sites, *([] if self.goal is None else [self.goal]))
 
 
 class Codes(NamedTuple):

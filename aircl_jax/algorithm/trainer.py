@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from aircl_jax.algorithm import adversary, cloning
-from aircl_jax.algorithm.learners import ppo
+from aircl_jax.algorithm.learners import exact, ppo
 from aircl_jax.algorithm.measures import step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.rollout import rollouts
@@ -34,6 +34,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     """The training loop's two functions for a method's row on an environment. `expert` is D_E, [N_E, T, …]."""
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
+    table = exact.plannable(env, method, config) if config.learner == "exact" else None
     nets = make_networks(env, method, config)
     num_policy = config.num_trajectories * (config.pool_factor if method.has_pool else 1)
     # In the rows that draw D_S from a pool the terms see N trajectories of D_P ∪ replay, half of each.
@@ -76,13 +77,15 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             ours, state.adversary_opt, batches, key_adversary
         )
         params, expert_log_delta = calibrated(now.bind(params, stats), expert)
-        ours = now.bind(params, stats)
+        ours, ppo_opt = now.bind(params, stats), state.ppo_opt
         if method.clones:
-            params, ppo_opt, policy_metrics = cloning.update(ours, state.ppo_opt, expert, key_policy, now.config.ppo)
+            params, ppo_opt, policy_metrics = cloning.update(ours, ppo_opt, expert, key_policy, now.config.ppo)
+        elif table is not None:
+            params, policy_metrics = exact.update(ours, expert, table, moves=state.step >= config.policy_delay)  # line 7
         else:
             reward, bonus = policy_reward(ours, expert, policy)
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
-                ours, state.ppo_opt, policy, reward, bonus, key_policy, now.config.ppo
+                ours, ppo_opt, policy, reward, bonus, key_policy, now.config.ppo
             )
         metrics = step_metrics(env, sampled, policy, drawn.log_delta, expert_log_delta)
         state = state._replace(

@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from aircl_jax.algorithm.scoring import roll_out_and_draw, trajectory_feasibility
-from aircl_jax.demonstrations.soft_optimal import occupancy, soft_value_iteration
+from aircl_jax.demonstrations.soft_optimal import occupancy, plan_expert
 from aircl_jax.model.feasibility import log_step_feasibility
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.types import FeasibilityScores, TrainState, Trajectory
-from envs import Env, Tabular
+from envs import Env, SoftOptimalExpert, Tabular
 
 MAX_EPISODES = 200  # fresh episodes of each seed's policy: enough for a picture
 ONCE = {"xla_backend_optimization_level": 0}  # for small programs that run once: compiles faster
@@ -50,8 +50,9 @@ def gather(result: Result) -> Evidence:
 def gather_grid(result: Result, table: Tabular) -> GridEvidence:
     """Make the maps of a one-hot world; demonstrations from a file or from recordings stand for the exact expert."""
     maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)), compiler_options=ONCE)(result.states)
-    if result.spec.own is None and result.spec.env.recorded is None:
-        seen = jax.jit(partial(_expert_occupancy, result.spec.env, table), compiler_options=ONCE)()
+    planner = result.spec.env.expert
+    if result.spec.own is None and isinstance(planner, SoftOptimalExpert):
+        seen = jax.jit(partial(_expert_occupancy, result.spec.env, planner), compiler_options=ONCE)()
     else:
         seen = result.expert.obs[0].mean(axis=(0, 1))
     return GridEvidence(*jax.device_get((*maps, seen)))
@@ -90,6 +91,5 @@ def _grid_maps(
     return reward, step_delta, (occupancy(table, along) @ table.obs).mean(axis=0)
 
 
-def _expert_occupancy(env: Env, table: Tabular) -> Float[Array, " C"]:
-    planned = soft_value_iteration(table, table.reward, env.horizon, env.expert_temperature, forbid=True)
-    return (occupancy(table, planned.log_policy) @ table.obs).mean(axis=0)
+def _expert_occupancy(env: Env, planner: SoftOptimalExpert) -> Float[Array, " C"]:
+    return (occupancy(planner.table, plan_expert(env, planner)) @ planner.table.obs).mean(axis=0)

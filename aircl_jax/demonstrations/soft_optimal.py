@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax.types import Trajectory
-from envs import Env, Tabular
+from envs import Env, SoftOptimalExpert, Tabular
 
 FORBIDDEN_LOGIT = -1e3  # stands for −∞: e^−1000 is 0 in float32, and 0 × −1000 stays 0
 
@@ -37,6 +37,17 @@ def soft_value_iteration(
 
     _, (log_policy, value) = jax.lax.scan(backup, jnp.zeros(len(reward)), None, length=horizon, reverse=True)
     return SoftOptimal(log_policy, value)
+
+
+def lapsing(log_policy: Float[Array, "T X A"], share: float) -> Float[Array, "T X A"]:
+    """log ((1 − share) π + share / A): the policy with a share of its actions uniformly random."""
+    return jnp.logaddexp(jnp.log1p(-share) + log_policy, jnp.log(share / log_policy.shape[-1]))
+
+
+def plan_expert(env: Env, planner: SoftOptimalExpert) -> Float[Array, "T X A"]:
+    """log π of the exact expert that demonstrates, with its lapses."""
+    plan = soft_value_iteration(planner.table, planner.table.reward, env.horizon, planner.temperature, forbid=True)
+    return lapsing(plan.log_policy, planner.lapse) if planner.lapse else plan.log_policy
 
 
 def occupancy(table: Tabular, log_policy: Float[Array, "T X A"]) -> Float[Array, "T X"]:

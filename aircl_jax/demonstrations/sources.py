@@ -5,9 +5,10 @@ from importlib import resources
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from aircl_jax.demonstrations.files import from_arrays, load
-from aircl_jax.demonstrations.soft_optimal import SoftOptimal, sample_table, soft_value_iteration
+from aircl_jax.demonstrations.soft_optimal import lapsing, plan_expert, sample_table, soft_value_iteration
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
 from envs import Env, Recorded, Shipped, SoftOptimalExpert
@@ -29,9 +30,9 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
             known = data.reference
             return _for_all(recorded, len(seeds)), recorded if known is None else from_arrays(known(), env)
         case SoftOptimalExpert() as planner:
-            expert = _plan(env, planner, forbid=True)
+            expert = plan_expert(env, planner)
             keys = jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed), 1))(jnp.asarray(seeds, jnp.uint32))
-            draw = jax.jit(jax.vmap(lambda key: sample_table(env, expert.log_policy, key, config.num_demonstrations)))
+            draw = jax.jit(jax.vmap(lambda key: sample_table(env, expert, key, config.num_demonstrations)))
             return draw(keys), tabular_reference(env, planner, expert)
         case Shipped(name):
             shipped = load_shipped(name, env)
@@ -44,21 +45,17 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
             raise ValueError(f"env={env.name} ships no demonstrations of these settings; give some with demonstrations=FILE")
 
 
-def tabular_reference(env: Env, planner: SoftOptimalExpert, expert: SoftOptimal) -> Trajectory:
+def tabular_reference(env: Env, planner: SoftOptimalExpert, expert: Float[Array, "T X A"]) -> Trajectory:
     """Draw half from the unconstrained soft-optimal policy, half from the expert with a tenth of its actions uniform."""
-    free, half = _plan(env, planner, forbid=False), REFERENCE_SIZE // 2
-    uniform = jnp.log(PERTURBATION / planner.table.reward.shape[1])
-    perturbed = jnp.logaddexp(jnp.log1p(-PERTURBATION) + expert.log_policy, uniform)
+    table, half = planner.table, REFERENCE_SIZE // 2
+    free = soft_value_iteration(table, table.reward, env.horizon, planner.temperature, forbid=False)
+    perturbed = lapsing(expert, PERTURBATION)
     key_free, key_perturbed = jax.random.split(jax.random.key(REFERENCE_SEED))
     halves = (
         sample_table(env, free.log_policy, key_free, half),
         sample_table(env, perturbed, key_perturbed, REFERENCE_SIZE - half),
     )
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *halves)
-
-
-def _plan(env: Env, planner: SoftOptimalExpert, *, forbid: bool) -> SoftOptimal:
-    return soft_value_iteration(planner.table, planner.table.reward, env.horizon, planner.temperature, forbid=forbid)
 
 
 def load_shipped(name: str, env: Env) -> Trajectory:

@@ -73,6 +73,20 @@ class Policy(nn.Module):
         return head
 
 
+class Table(nn.Module):
+    """A number or several for every step and state, of a one-hot state beside a one-hot step; 0 at the start."""
+
+    steps: int
+    states: int
+    size: int
+
+    @nn.compact
+    def __call__(self, x: Float[Array, " I"]) -> Float[Array, " O"]:
+        table = self.param("table", nn.initializers.zeros, (self.steps, self.states, self.size))
+        state, step = x[: self.states], x[self.states :]
+        return jnp.einsum("t,x,txo->o", step, state, table)
+
+
 class AttentionEncoder(nn.Module):
     """Causal attention with one learned query a channel: c_t = Σ_{u≤t} e^{k_u} h_u / Σ_{u≤t} e^{k_u}, a layer on (h_t, c_t).
 

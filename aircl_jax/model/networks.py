@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.methods import Method
-from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy
+from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy, Table
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from aircl_jax.types import FeasibilityScores, ObsStats, Params, Scores, Thresholds, Trajectory
 from envs import Discrete, Env
@@ -27,15 +27,15 @@ class Networks:
     env: Env
     method: Method
     config: TrainConfig
-    policy_net: Policy
-    value_net: MLP
+    policy_net: Policy | Table
+    value_net: MLP | Table
     reward_net: MLP
     step_net: MLP | AdditiveNet
     sequence_net: nn.Module
 
     def init(self, key: PRNGKeyArray) -> Params:
         key_policy, key_value, key_reward, key_step, key_sequence = jax.random.split(key, 5)
-        acting = jnp.zeros(self.env.obs_size + self.env.finite_horizon)
+        acting = jnp.zeros(self.env.obs_size + (self.env.horizon if self.plans else self.env.finite_horizon))
         seen = jnp.zeros(
             self.feasibility_sees_state * self.env.obs_size + self.feasibility_sees_action * self.env.action_space.feature_size
         )
@@ -52,6 +52,11 @@ class Networks:
             # Never weakly typed: a state that `step` returns with another type would compile the whole chunk a second time.
             thresholds=Thresholds(*[jnp.log(jnp.asarray(self.config.coefficients.threshold, jnp.float32))] * 2),
         )
+
+    @property
+    def plans(self) -> bool:
+        """Whether policy and value are tables of steps and states, which are planned and not trained."""
+        return self.config.learner == "exact"
 
     @property
     def constraint_input(self) -> str:
@@ -112,7 +117,9 @@ class BoundNetworks:
         return jnp.clip((obs - self.stats.mean) / jnp.maximum(self.stats.std, STD_FLOOR), -OBS_CLIP, OBS_CLIP)
 
     def acting_input(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, " I"]:
-        """What policy and value see: s̃, and t/T where the task ends at the horizon."""
+        """What policy and value see: s̃, and t/T where the task ends at the horizon. As tables they see s and t as they are."""
+        if self.networks.plans:
+            return jnp.concatenate([obs, jax.nn.one_hot(t, self.env.horizon)])
         seen = self.normalise(obs)
         return jnp.append(seen, t / self.env.horizon) if self.env.finite_horizon else seen
 
@@ -212,12 +219,16 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
     step_net = MLP(hidden, 1, activation="relu", bias=SEQUENCE_BIAS)
     if config.step_network == "additive" and not linear:
         step_net = AdditiveNet(config.additive_hidden, bias=SEQUENCE_BIAS)
+    policy_net, value_net = Policy(env.action_space, config.hidden, config.ppo.log_std_init), MLP(config.hidden, 1)
+    if config.learner == "exact":
+        policy_net = Table(env.horizon, env.obs_size, env.action_space.feature_size)
+        value_net = Table(env.horizon, env.obs_size, 1)
     return Networks(
         env=env,
         method=method,
         config=config,
-        policy_net=Policy(env.action_space, config.hidden, config.ppo.log_std_init),
-        value_net=MLP(config.hidden, 1),
+        policy_net=policy_net,
+        value_net=value_net,
         reward_net=MLP(hidden, 1, activation="relu"),
         step_net=step_net,
         sequence_net=LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden),

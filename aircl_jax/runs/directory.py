@@ -10,7 +10,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,10 +19,10 @@ import yaml
 
 from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, read_metrics, to_json
 from aircl_jax.runs.recorder import Row
+from aircl_jax.settings.env_defaults import unnamed_settings
 from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.renamed import RENAMED, old_name
 from aircl_jax.storage import write_whole
-from envs import ENVS
 
 CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
 SUMMARY, REPORT, FIGURES = "summary.json", "report.md", "figures"
@@ -191,20 +191,14 @@ def _refuse_other_settings(path: Path, settings: Settings) -> None:
         if of_before := old_name(name):
             raise ValueError(f"run_dir={path} is of an older version: {of_before}; choose overwrite=true or another directory")
     asked = flatten(settings)
-    kept = {name: value for name, value in _defaults(settings).items() if name in asked} | kept
+    before = unnamed_settings(asked.get("env.name", ""))
+    kept = {name: before[name] for name in asked if name in before} | kept
     differing = [name for name in kept | asked if name not in _FREE and kept.get(name) != asked.get(name)]
     if differing:
         listed = "; ".join(f"{name} is {kept.get(name)} there and {asked.get(name)} here" for name in differing)
         raise ValueError(
             f"run_dir={path} holds a run with other settings: {listed}; choose overwrite=true or another directory"
         )
-
-
-def _defaults(settings: Settings) -> dict[str, Any]:
-    """Give the defaults of the world's settings: what a run did that is older than a setting of its world."""
-    env = settings.get("env", {})
-    named = env.get("name") in ENVS and "own" not in env
-    return flatten({"env": asdict(ENVS[env["name"]].options())}) if named else {}
 
 
 def _check_writable(path: Path) -> None:

@@ -144,7 +144,7 @@ def read_spec(settings: Mapping[str, Any]) -> RunSpec:
 def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, Any]]:
     if name not in ENVS:
         raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")
-    options = updated(ENVS[name].options(), settings, "env")
+    options = updated(ENVS[name].options(), settings, "env").resolved()
     values = asdict(options)
     return make_env(name, **values), values
 

@@ -1,9 +1,11 @@
 """Default settings by environment: the paper's Table 2 for its own rows, and ours."""
 
-from dataclasses import replace
-from typing import Literal
+from dataclasses import asdict, replace
+from typing import Any, Literal
 
+from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.train_config import AdversaryConfig, Coefficients, PPOConfig, TrainConfig
+from envs import ENVS
 
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
 
@@ -126,3 +128,9 @@ def has_own_settings(env_name: str) -> bool:
 def default_config(env_name: str, settings: Literal["paper", "tuned"]) -> TrainConfig:
     """The settings of an environment for the paper's rows or for ours; those of TrainConfig where it is not in the table."""
     return {"paper": PAPER, "tuned": TUNED}[settings].get(env_name, TrainConfig())
+
+
+def unnamed_settings(env_name: str) -> dict[str, Any]:
+    """What a run did where its settings do not name one, being older than it: {"env.…", "train.…": default}."""
+    options = {"env": asdict(ENVS[env_name].options().resolved())} if env_name in ENVS else {}
+    return flatten({**options, "train": asdict(TrainConfig())})

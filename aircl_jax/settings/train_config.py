@@ -57,6 +57,7 @@ class TrainConfig:
     num_trajectories: int = 70  # N: trajectories of D_P a round; Table 2's "sampled trajectory"
     num_demonstrations: int = 70  # trajectories of D_E where the expert is sampled; Table 2's "expert trajectory"
     pool_factor: int = 1  # the rows that draw D_S from a pool collect pool_factor × N trajectories a round
+    learner: Literal["ppo", "exact"] = "ppo"  # of the policy; exact: planned, where the world is a table whose states are seen
     hidden: tuple[int, ...] = (32, 32)  # every network; Table 2
     step_network: Literal["joint", "additive"] = "joint"  # δ₁'s logit: of all coordinates, or a sum of one network for each
     additive_hidden: tuple[int, ...] = (16, 16)  # of each coordinate's network

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
@@ -13,11 +13,9 @@ import numpy as np
 from aircl_jax import train
 from aircl_jax.runs.directory import CONFIG
 from aircl_jax.runs.spec import RunSpec, make_spec
-from aircl_jax.settings.env_defaults import default_config
-from aircl_jax.settings.parse import flatten, plain
+from aircl_jax.settings.env_defaults import default_config, unnamed_settings
+from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.renamed import renamed
-from aircl_jax.settings.train_config import TrainConfig
-from envs import ENVS
 from experiments.cli.progress import Reporter
 from experiments.shared.kept_files import keep
 from experiments.shared.paired_tests import Values
@@ -185,8 +183,8 @@ def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
     """
     found: dict[str, list[str]] = {}
     for (env, method), cell in cells.items():
-        before = flatten({"env": plain(asdict(ENVS[env].options())), "train": plain(asdict(TrainConfig()))})
         here, there = flatten(settings_of(spec_of(job, env, method))), flatten(renamed(cell["settings"]))
+        before = unnamed_settings(env)
         for name in here | there:
             then = there.get(name, before.get(name))
             if here.get(name) != then:

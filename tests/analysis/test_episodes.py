@@ -145,7 +145,7 @@ def test_half_a_reference_set_knows_no_constraint_and_a_tenth_of_the_others_acti
     env = straight().env
     table = table_of(env)
     expert, free = (soft_value_iteration(table, table.reward, 4, 0.5, forbid=forbid) for forbid in (True, False))
-    reference = tabular_reference(env, SoftOptimalExpert(table, 0.5), expert)
+    reference = tabular_reference(env, SoftOptimalExpert(table, 0.5), expert.log_policy)
     first, second = (np.asarray(reference.cost)[half].mean() for half in (slice(0, 250), slice(250, 500)))
     inside = mean_visits(table, np.asarray(free.log_policy))[4]
     np.testing.assert_allclose(first, inside, atol=0.03)

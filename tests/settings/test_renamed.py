@@ -72,6 +72,18 @@ def test_a_run_of_before_is_read(older, today):
     np.testing.assert_array_equal(before.states.step, now.states.step)
 
 
+def test_a_run_older_than_a_setting_is_read_and_continued_as_its_default(today, tmp_path):
+    path = Path(shutil.copytree(today, tmp_path / "older"))
+    settings = yaml.safe_load((path / CONFIG).read_text())
+    for name in ("layout", "reward", "walls", "dislikes", "dislike", "wind", "lapse"):
+        del settings["env"][name]
+    (path / CONFIG).write_text(yaml.safe_dump(settings, sort_keys=False))
+    assert load(path).spec.settings == load(today).spec.settings
+    assert train(**SETTINGS, run_dir=path, resume=True).summary == load(today).summary
+    with pytest.raises(ValueError, match=r"env.wind is 0.0 there and 0.2 here"):
+        train(**SETTINGS, env_settings={"wind": 0.2}, run_dir=path, resume=True)
+
+
 def test_a_run_of_before_is_not_continued(older):
     with pytest.raises(ValueError, match=r"train\.\w+; it is called train\.\w+ now; choose overwrite=true"):
         train(**SETTINGS, run_dir=older, resume=True)

@@ -21,6 +21,7 @@ from envs import Grid, Tabular
 
 UNSEEN = 1e-3  # occupancy of expert and of π below which f and δ of a cell are not compared
 DIVERGING = "PuOr_r"
+WALL = "#4d4d4d"
 EMPTY = {"+0.0", "−0.0", "0.0"}  # numbers that are left out of a cell
 LARGEST_WRITTEN = 8  # numbers are written into the cells of grids up to this size
 
@@ -119,7 +120,7 @@ def occupancy_maps(result: Result, layout: Grid, maps: GridEvidence) -> Drawing:
 
 
 def draw_layout(axis: Axes, layout: Grid, filled: bool = False) -> None:
-    """Mark start, goal and the zones of the constraint on a map."""
+    """Mark start, goal or sites, what is disliked (dotted), walls (dark) and the zones of the constraint on a map."""
     for name, cells in layout.zones.items():
         for row, column in cells:
             corner = (column - 0.5, row - 0.5)
@@ -128,8 +129,14 @@ def draw_layout(axis: Axes, layout: Grid, filled: bool = False) -> None:
             axis.add_patch(Rectangle(corner, 1, 1, fill=False, ec=BLACK, lw=1.2, zorder=4))
             if len(name) == 1:
                 _corner(axis, row, column, name)
-    for name, (row, column) in (("S", layout.start), ("G", layout.goal)):
-        _corner(axis, row, column, name)
+    for row, column in layout.walls:
+        axis.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, fc=WALL, lw=0, zorder=5))
+    for row, column in layout.tastes:
+        axis.add_patch(Rectangle((column - 0.45, row - 0.45), 0.9, 0.9, fill=False, ec=BLACK, lw=0.8, ls=":", zorder=4))
+    sites = [(f"{value:g}", cell) for cell, value in layout.sites.items()]
+    for name, cell in (("S", layout.start), ("G", layout.goal), *sites):
+        if cell is not None:
+            _corner(axis, *cell, name)
     half = layout.size - 0.5
     axis.set(xlim=(-0.5, half), ylim=(half, -0.5), aspect="equal")
     axis.set_xticks(range(layout.size))

@@ -14,7 +14,7 @@ from aircl_jax.figures.style import BLUE, GREY, ORANGE, Drawing, over_seeds
 from aircl_jax.runs.result import Result
 from aircl_jax.types import Trajectory
 from envs import Grid
-from envs.gridworld import MOVES
+from envs.grid_tables import marked, successors
 
 NUM_PATHS = 60
 
@@ -106,10 +106,8 @@ def draw_paths(axis: Axes, layout: Grid, cells: Int[np.ndarray, "N T"], violatin
 def cells_of(trajectories: Trajectory, layout: Grid) -> Int[np.ndarray, "N T1"]:
     """List the cells observed, and the cell that the last action aims at, since no observation follows the last step."""
     seen = _visited_cells(trajectories)
-    row, column = np.divmod(seen[:, -1], layout.size)
-    moved = np.clip(np.stack([row, column], 1) + MOVES[np.asarray(trajectories.action)[:, -1]], 0, layout.size - 1)
-    at_goal = seen[:, -1] == _index(layout.goal, layout)
-    last = np.where(at_goal, seen[:, -1], moved @ np.array([layout.size, 1]))
+    target = successors(layout.size, marked(layout.absorbing, layout.size), marked(layout.walls, layout.size))
+    last = target[seen[:, -1], np.asarray(trajectories.action)[:, -1]]
     return np.concatenate([seen, last[:, None]], axis=1)
 
 
