@@ -2,11 +2,12 @@
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from envs import options
 from envs.base import Env
+from envs.settings import updated
 
 
 @dataclass(frozen=True)
@@ -28,21 +29,17 @@ ENVS: dict[str, EnvRow] = {
 
 def make_env(name: str, **settings: Any) -> Env:
     """Make an environment by name; settings are the fields of its options. Raises ValueError on a wrong name or setting."""
+    return build(name, options_of(name, settings))
+
+
+def options_of(name: str, settings: Mapping[str, Any]) -> Any:
+    """Read the options of an environment from untyped settings. Raises ValueError on a wrong name or setting."""
     if name not in ENVS:
-        raise ValueError(f"unknown env {name!r}; choose from {', '.join(sorted(ENVS))}")
-    row = ENVS[name]
-    known = [field.name for field in fields(row.options)]
-    for setting in settings:
-        if setting not in known:
-            raise ValueError(f"unknown setting env.{setting} of {name}; choose from {', '.join(known)}")
-    module, function = row.factory.split(":")
-    return getattr(importlib.import_module(module), function)(row.options(**_frozen(settings)))
+        raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")
+    return updated(ENVS[name].options(), settings, "env")
 
 
-def _frozen(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Lists (as they come from YAML or a command line) become tuples, so that options stay hashable."""
-
-    def freeze(value: Any) -> Any:
-        return tuple(freeze(item) for item in value) if isinstance(value, (list, tuple)) else value
-
-    return {name: freeze(value) for name, value in settings.items()}
+def build(name: str, options: Any) -> Env:
+    """Build an environment of the table from its options. Raises ValueError where they do not fit each other."""
+    module, function = ENVS[name].factory.split(":")
+    return getattr(importlib.import_module(module), function)(options)

@@ -19,9 +19,9 @@ import yaml
 
 from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, read_metrics, to_json
 from aircl_jax.runs.recorder import Row
-from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.renamed import RENAMED, old_name
 from aircl_jax.storage import write_whole
+from envs.settings import flatten
 
 CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
 SUMMARY, REPORT, FIGURES = "summary.json", "report.md", "figures"

@@ -4,8 +4,8 @@ import math
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from aircl_jax.settings.parse import at_least
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
+from envs.settings import at_least
 
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
 COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "lr_decay_iterations")

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from aircl_jax.settings.parse import at_least, updated
+from envs.settings import at_least, updated
 
 T = TypeVar("T")
 SEEDS = 10  # of every result of this project

@@ -28,9 +28,9 @@ from aircl_jax.experts.selection import (
 )
 from aircl_jax.runs.directory import RunDirectory
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
-from aircl_jax.settings.parse import plain
 from envs import Env
 from envs.robots.practice_worlds import clipped_world
+from envs.settings import plain
 
 PACKAGES = ("jax", "flax", "optax", "distrax", "mujoco", "numpy")
 EPISODE_SEED = 2_147_483_645  # of the key of all episodes drawn after training: no run's seed

@@ -14,9 +14,9 @@ from aircl_jax import train
 from aircl_jax.runs.directory import CONFIG
 from aircl_jax.runs.spec import RunSpec, make_spec
 from aircl_jax.settings.env_defaults import default_config
-from aircl_jax.settings.parse import flatten, plain
 from aircl_jax.settings.renamed import renamed
 from aircl_jax.settings.train_config import TrainConfig
+from envs.settings import flatten, plain
 from experiments.cli.progress import Reporter
 from experiments.shared.kept_files import keep
 from experiments.shared.paired_tests import Values
