@@ -43,9 +43,7 @@ class RobotOptions:
     terminate: bool = False  # Gymnasium's early end instead of a fixed horizon
     horizon: int = 500  # control steps; Table 2
     integrator: Literal["euler", "rk4"] = "euler"
-    engine: Literal["planar", "mjx"] = (
-        "planar"  # planar: MuJoCo's equations for a plane; mjx: slower
-    )
+    engine: Literal["planar", "mjx"] = "planar"  # planar: MuJoCo's equations for a plane; mjx: slower
 
     def __post_init__(self) -> None:
         _require(self.noise >= 0, "env.noise", self.noise, "a number that is not negative")
