@@ -178,16 +178,16 @@ def _resumed(path: Path, settings: Settings, chunk: int) -> RunDirectory:
 
 def _refuse_other_settings(path: Path, settings: Settings) -> None:
     try:
-        kept = flatten(yaml.safe_load((path / CONFIG).read_text()))
+        there = flatten(yaml.safe_load((path / CONFIG).read_text()))
     except (yaml.YAMLError, AttributeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path / CONFIG} cannot be read; use overwrite=true to start again") from error
-    for name in sorted(kept, key=lambda name: RENAMED.get(name) is None):
+    for name in sorted(there, key=lambda name: RENAMED.get(name) is None):
         if of_before := old_name(name):
             raise ValueError(f"run_dir={path} is of an older version: {of_before}; choose overwrite=true or another directory")
-    asked = flatten(settings)
-    differing = [name for name in kept | asked if name not in _FREE and kept.get(name) != asked.get(name)]
+    here = flatten(settings)
+    differing = [name for name in there | here if name not in _FREE and there.get(name) != here.get(name)]
     if differing:
-        listed = "; ".join(f"{name} is {kept.get(name)} there and {asked.get(name)} here" for name in differing)
+        listed = "; ".join(f"{name} is {there.get(name)} there and {here.get(name)} here" for name in differing)
         raise ValueError(
             f"run_dir={path} holds a run with other settings: {listed}; choose overwrite=true or another directory"
         )

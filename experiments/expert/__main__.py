@@ -67,7 +67,7 @@ def register() -> None:
 
 
 def train(composed: Composed) -> None:
-    """Check the settings, then train, judge, choose and write."""
+    """Check the settings, then train, measure, choose and write."""
     name, values = composed.env, dict(composed.values)
     robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
     if name not in robots:
