@@ -27,9 +27,7 @@ def check_config(config: Any, prefix: str) -> None:
         bounds = f"log_std_min={config.log_std_min} and log_std_max={config.log_std_max}"
         raise ValueError(f"{prefix}.log_std_init={config.log_std_init} is not between {bounds}; choose one that is")
     if isinstance(config, TrainConfig) and 0 < config.lr_decay_iterations <= config.policy_delay:
-        settings = (
-            f"{prefix}.policy_delay={config.policy_delay} is not less than lr_decay_iterations={config.lr_decay_iterations}"
-        )
+        delay = f"{prefix}.policy_delay={config.policy_delay} is not less than lr_decay_iterations={config.lr_decay_iterations}"
         raise ValueError(f"{delay}, so that the policy would never move; choose less")
 
 
