@@ -1,7 +1,6 @@
 """The settings of every environment, light enough to import without the environment itself (MJX alone takes seconds)."""
 
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite
 from typing import Literal
 
 from envs.layouts import LAYOUTS
@@ -77,33 +76,21 @@ class RobotOptions(Options):
     """Settings shared by the MuJoCo bodies. Raises ValueError on a value that no body can have."""
 
     constraint: str = "torque"  # a name in envs.robots.constraints.CONSTRAINTS: torque, position, none, or one of your own
-    limit: float | str = "default"  # threshold of the constraint; the benchmark's where it says default
+    limit: float | Literal["default"] = "default"  # threshold of the constraint; the benchmark's where it says default
     noise: float = 0.001  # standard deviation of the noise on qpos and qvel after each control step
     terminate: bool = False  # Gymnasium's early end instead of a fixed horizon
     horizon: int = 500  # control steps; Table 2
-    integrator: str = "euler"  # euler, rk4
-    engine: str = "planar"  # planar: MuJoCo's equations for a plane; mjx: mjx.step itself, several times slower
+    integrator: Literal["euler", "rk4"] = "euler"
+    engine: Literal["planar", "mjx"] = "planar"  # planar: MuJoCo's equations for a plane; mjx: slower
     reward: str = "task"  # task, or a name in envs.robots.rewards.REWARDS: backwards, stand, target
     target: float = 1.0  # m, where reward=target draws to along x
     action_cost: float = 0.0  # w of an additional −w‖a‖² in the reward
     body: BodyOptions = field(default_factory=BodyOptions)  # factors of masses, lengths and motors; envs.robots.factors
 
     def __post_init__(self) -> None:
-        is_number = isinstance(self.limit, (int, float)) and not isinstance(self.limit, bool) and isfinite(self.limit)
-        _require(is_number or self.limit == "default", "env.limit", self.limit, "a number or default")
-        is_number = isinstance(self.noise, (int, float)) and not isinstance(self.noise, bool)
-        _require(is_number and 0 <= self.noise < inf, "env.noise", self.noise, "a number that is not negative")
-        whole = isinstance(self.horizon, int) and not isinstance(self.horizon, bool)
-        _require(whole and self.horizon > 0, "env.horizon", self.horizon, "a whole number above 0")
-        _require(isinstance(self.terminate, bool), "env.terminate", self.terminate, "true or false")
-        _require(self.integrator in ("euler", "rk4"), "env.integrator", self.integrator, "euler or rk4")
-        _require(self.engine in ("planar", "mjx"), "env.engine", self.engine, "planar or mjx")
-        is_number = isinstance(self.target, (int, float)) and not isinstance(self.target, bool) and isfinite(self.target)
-        _require(is_number, "env.target", self.target, "a number")
-        is_number = isinstance(self.action_cost, (int, float)) and not isinstance(self.action_cost, bool)
-        _require(
-            is_number and 0 <= self.action_cost < inf, "env.action_cost", self.action_cost, "a number that is not negative"
-        )
+        _require(self.noise >= 0, "env.noise", self.noise, "a number that is not negative")
+        _require(self.horizon > 0, "env.horizon", self.horizon, "a whole number above 0")
+        _require(self.action_cost >= 0, "env.action_cost", self.action_cost, "a number that is not negative")
 
 
 def _require(holds: bool, setting: str, value: object, choices: str) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.linalg import solve_discrete_are
 
-from aircl_jax.settings.parse import at_least
 from envs import Env, make_env
 from envs.robots.tasks import RobotState
+from envs.settings import at_least
 from experiments.cli.command import run_command
 
 PLACES = (-0.014, -0.012, -0.010, -0.008, -0.006, -0.004, -0.002, 0.0)  # m; the wall is at −0.015

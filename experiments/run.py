@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from aircl_jax.settings.parse import updated
+from envs.settings import updated
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import RunSettings
 from experiments.cli.progress import Reporter

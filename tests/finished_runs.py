@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import matplotlib as mpl
 import numpy as np
 
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.demonstrations.sources import demonstrations
+from aircl_jax.figures.style import STYLE, Drawing
 from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.summary import MEANINGS, summarise
 from aircl_jax.runs.result import Result
@@ -19,6 +21,12 @@ from experiments.table1.cells import COLUMNS, ROWS, Cell, Job, Study
 from tests.worlds import TINY, UNOPTIMISED
 
 FULL = Job("full", 10, 0, Path("mine"), Path("mine/runs"))  # Table 1, elsewhere
+
+
+def drawn(draw: Any, *shown: Any) -> Drawing:
+    """What a figure's function draws, in the style of all figures."""
+    with mpl.rc_context(STYLE):
+        return draw(*shown)
 
 
 def finished_cell(env: str = "gridworld", method: str = "aircl", seeds: int = 10, **metrics: Any) -> dict[str, Any]:

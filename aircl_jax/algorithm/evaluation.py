@@ -108,8 +108,8 @@ def _reward_metrics(nets: BoundNetworks, policy: Trajectory, scores: Scores) -> 
     if not nets.method.learns_reward:
         return {"reward_correlation": undefined, "violation_reward_only": undefined}
     feasible = policy.mask * (1.0 - policy.cost)
-    found = correlation(scores.f, policy.reward, feasible) if nets.env.has_reward else undefined
-    return {"reward_correlation": found, "violation_reward_only": _violation_reward_only(nets)}
+    agreement = correlation(scores.f, policy.reward, feasible) if nets.env.has_reward else undefined
+    return {"reward_correlation": agreement, "violation_reward_only": _violation_reward_only(nets)}
 
 
 def _violation_reward_only(nets: BoundNetworks) -> Float[Array, ""]:

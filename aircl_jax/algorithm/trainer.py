@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from aircl_jax.algorithm import adversary, cloning
@@ -106,7 +107,7 @@ def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
     config = nets.config
     if not config.lr_decay_iterations and not config.policy_delay:
         return nets
-    left = jnp.maximum(1.0 - step / config.lr_decay_iterations, 0.0) if config.lr_decay_iterations else 1.0
+    left = optax.linear_schedule(1.0, 0.0, config.lr_decay_iterations)(step)
     moves = step >= config.policy_delay
     acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
     judging = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)

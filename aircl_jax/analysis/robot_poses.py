@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from aircl_jax.settings.parse import updated
 from envs import ENVS
 from envs.robots.constraints import find_constraint
 from envs.robots.robot import compile_model
 from envs.robots.tasks import ROBOTS, RobotState, Task
+from envs.settings import updated
 
 Vectors = Float[np.ndarray, "N T V"]
 

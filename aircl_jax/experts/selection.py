@@ -19,7 +19,7 @@ from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
 CLEAN_SHARE = 0.5  # of a seed's episodes; with fewer clean ones, dropping the others would change the policy too much
-JUDGED = 100  # episodes by which a seed is judged
+MEASURED = 100  # episodes by which a seed is measured
 DRAWN = 64  # episodes drawn in one batch
 LEAST_LABEL = 0.2  # share of each label in a reference set
 
@@ -72,7 +72,7 @@ def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequenc
     )
 
 
-class Judgement(NamedTuple):
+class EpisodeMeasures(NamedTuple):
     """Measures of one policy by fresh episodes."""
 
     mean: float  # mean return of all episodes
@@ -85,27 +85,27 @@ class Judgement(NamedTuple):
         return {name: round(value, 4) if np.isfinite(value) else None for name, value in self._asdict().items()}
 
 
-def judge(episodes: Trajectory) -> Judgement:
+def measure(episodes: Trajectory) -> EpisodeMeasures:
     """Measure returns and violations of episodes [N, T, …]."""
     total, cost = (np.asarray((x * episodes.mask).sum(axis=1)) for x in (episodes.reward, episodes.cost))
     clean = cost == 0
     clean_return = float(total[clean].mean()) if clean.any() else float("nan")
-    return Judgement(float(total.mean()), float(total.std()), float(clean.mean()), clean_return, float(cost.mean()))
+    return EpisodeMeasures(float(total.mean()), float(total.std()), float(clean.mean()), clean_return, float(cost.mean()))
 
 
-def best_expert(judged: Sequence[Judgement]) -> int:
+def best_expert(of_seeds: Sequence[EpisodeMeasures]) -> int:
     """Choose the seed with the best mean return of clean episodes, of those clean in at least half. ValueError if none is."""
-    able = [i for i, one in enumerate(judged) if one.clean_share >= CLEAN_SHARE]
+    able = [i for i, measures in enumerate(of_seeds) if measures.clean_share >= CLEAN_SHARE]
     if not able:
-        shares = ", ".join(f"{one.clean_share:.2f}" for one in judged)
+        shares = ", ".join(f"{measures.clean_share:.2f}" for measures in of_seeds)
         raise ValueError(f"no seed is clean in {CLEAN_SHARE:.0%} of its episodes (shares: {shares}); train longer")
-    return max(able, key=lambda i: judged[i].clean_return)
+    return max(able, key=lambda i: of_seeds[i].clean_return)
 
 
-def best_free(judged: Sequence[Judgement]) -> int:
+def best_free(of_seeds: Sequence[EpisodeMeasures]) -> int:
     """Choose the seed with the greatest mean return, of those that violate in most episodes, or of all where none does."""
-    violating = [i for i, one in enumerate(judged) if one.clean_share < CLEAN_SHARE]
-    return max(violating or range(len(judged)), key=lambda i: judged[i].mean)
+    violating = [i for i, measures in enumerate(of_seeds) if measures.clean_share < CLEAN_SHARE]
+    return max(violating or range(len(of_seeds)), key=lambda i: of_seeds[i].mean)
 
 
 def altered(policy: Any, mean: float, noise: float) -> Any:
@@ -127,27 +127,27 @@ class Sampler:
     def __call__(self, state: LagrangianState, key: PRNGKeyArray, number: int) -> Trajectory:
         """Draw `number` episodes, [N, T, …]."""
         keys = jax.random.split(key, -(-number // DRAWN))
-        batches = [self._rollouts(state, one) for one in keys]
+        batches = [self._rollouts(state, key_batch) for key_batch in keys]
         return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[:number], *batches)
 
 
 def clean_episodes(draw: Sampler, state: LagrangianState, key: PRNGKeyArray, number: int) -> tuple[Trajectory, float]:
     """Take the first `number` episodes without a violation, and the share of clean ones before the others were dropped."""
-    kept, drawn, found = [], 0, 0
-    while found < number:
+    parts, drawn, number_clean = [], 0, 0
+    while number_clean < number:
         key, key_draw = jax.random.split(key)
         episodes = draw(state, key_draw, DRAWN)
         clean = np.asarray((episodes.cost * episodes.mask).sum(axis=1) == 0)
-        kept.append(jax.tree.map(lambda leaf, clean=clean: leaf[clean], episodes))
-        drawn, found = drawn + DRAWN, found + int(clean.sum())
+        parts.append(jax.tree.map(lambda leaf, clean=clean: leaf[clean], episodes))
+        drawn, number_clean = drawn + DRAWN, number_clean + int(clean.sum())
         if drawn >= number / CLEAN_SHARE * 10:
-            raise ValueError(f"only {found} of {drawn} episodes are clean; train longer")
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[:number], *kept), found / drawn
+            raise ValueError(f"only {number_clean} of {drawn} episodes are clean; train longer")
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[:number], *parts), number_clean / drawn
 
 
 def reference_set(
     draw: Sampler, expert: LagrangianState, free: LagrangianState, key: PRNGKeyArray
-) -> tuple[Trajectory, dict[str, Judgement]]:
+) -> tuple[Trajectory, dict[str, EpisodeMeasures]]:
     """Draw REFERENCE's groups one after the other, [M, T, …]. ValueError where a label is too rare."""
     sources = {"expert": expert, "free": free}
 
@@ -157,20 +157,20 @@ def reference_set(
         return draw(state, jax.random.fold_in(key, index), group.number)
 
     parts = {name: episodes(i, group) for i, (name, group) in enumerate(REFERENCE.items())}
-    if judge(_joined(parts.values())).clean_share > 1 - LEAST_LABEL:
+    if measure(_joined(parts.values())).clean_share > 1 - LEAST_LABEL:
         parts[f"unconstrained expert, {MORE.number} more"] = episodes(len(parts), MORE)
-    whole, judged = _joined(parts.values()), {name: judge(part) for name, part in parts.items()}
-    clean = judge(whole).clean_share
+    whole, of_groups = _joined(parts.values()), {name: measure(part) for name, part in parts.items()}
+    clean = measure(whole).clean_share
     if not LEAST_LABEL <= clean <= 1 - LEAST_LABEL:
         raise ValueError(f"{clean:.0%} of the reference set are feasible; at least {LEAST_LABEL:.0%} of each are needed")
-    return whole, judged
+    return whole, of_groups
 
 
 def _joined(parts: Iterable[Trajectory]) -> Trajectory:
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
-def random_return(env: Env, key: PRNGKeyArray) -> Judgement:
+def random_return(env: Env, key: PRNGKeyArray) -> EpisodeMeasures:
     """Draw actions N(0, 1), clipped as the world clips them."""
     shape = env.action_space.shape
 
@@ -184,6 +184,6 @@ def random_return(env: Env, key: PRNGKeyArray) -> Judgement:
 
         return jax.lax.scan(one_step, env.reset(key_reset)[0], jax.random.split(key_steps, env.horizon))[1]
 
-    reward, cost = jax.jit(jax.vmap(episode))(jax.random.split(key, JUDGED))
+    reward, cost = jax.jit(jax.vmap(episode))(jax.random.split(key, MEASURED))
     blank = jnp.zeros_like(reward)
-    return judge(Trajectory(blank[..., None], blank, blank, blank, reward, cost, jnp.ones_like(reward), blank[:, 0]))
+    return measure(Trajectory(blank[..., None], blank, blank, blank, reward, cost, jnp.ones_like(reward), blank[:, 0]))

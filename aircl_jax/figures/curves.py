@@ -223,8 +223,8 @@ def _relevant(panel: Panel, result: Result) -> Panel:
     absent = {"all": False, "feasibility": not method.learns_feasibility, "discriminator": not method.discriminates}[panel.of]
     untrue = panel.title == "true return" and not result.spec.env.has_reward
     doubles = set() if method.draws else SAMPLER_METRICS
-    kept = [c for c in panel.curves if c.metric not in doubles and _defined(result.history.get(c.metric))]
-    return panel._replace(curves=() if absent or untrue else tuple(kept))
+    curves = [c for c in panel.curves if c.metric not in doubles and _defined(result.history.get(c.metric))]
+    return panel._replace(curves=() if absent or untrue else tuple(curves))
 
 
 def _defined(values: Float[np.ndarray, "I S"] | None) -> bool:
@@ -233,12 +233,12 @@ def _defined(values: Float[np.ndarray, "I S"] | None) -> bool:
 
 def _ends(result: Result) -> str:
     """Say where the run ended, in words."""
-    metrics, said = result.summary["metrics"], []
+    metrics, sentences = result.summary["metrics"], []
     doubles = set() if result.spec.method.draws else SAMPLER_METRICS
     for end in ENDS:
         if metrics.get(end.metric, {}).get("mean") is None or end.metric in doubles:
             continue
         expert = metrics[end.expert]["mean"] if end.expert else None
         beside = "" if expert is None else f" (expert {in_words(expert, None, end.percent)})"
-        said.append(end.sentence.format(final(result, end.metric, end.percent)) + beside)
-    return f"At the end {'; '.join(said)}." if said else ""
+        sentences.append(end.sentence.format(final(result, end.metric, end.percent)) + beside)
+    return f"At the end {'; '.join(sentences)}." if sentences else ""

@@ -22,27 +22,27 @@ def tasks(results: Mapping[str, Result]) -> Drawing:
     kinds = ["grid" if isinstance(result.spec.env.view, Grid) else "robot" for result in results.values()]
     heights = [HEIGHTS[kind] for kind in kinds]
     figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")
-    parts, said = figure.subfigures(len(results), 1, height_ratios=heights, squeeze=False)[:, 0], []
+    parts, sentences = figure.subfigures(len(results), 1, height_ratios=heights, squeeze=False)[:, 0], []
     for letter, part, (name, result) in zip(LETTERS, parts, results.items(), strict=False):
         part.suptitle(f"({letter}) {name}", x=0.01, ha="left", fontsize=8, fontweight="bold")
         view = result.spec.env.view
         words = _grid(part, result, view) if isinstance(view, Grid) else _robot(part, result)
-        said.append(f"({letter}) {name}: {words}")
+        sentences.append(f"({letter}) {name}: {words}")
     first = next(iter(results.values())).summary
     caption = (
         f"{first['method']}, seed {first['seeds'][0]} of each run: demonstrations beside the policy, violations orange. "
         f"Grids: {NUM_PATHS} trajectories at most; robots: one episode, and what the constraint bounds, its limit dashed. "
     )
-    return Drawing("figure3", figure, caption + " ".join(said))
+    return Drawing("figure3", figure, caption + " ".join(sentences))
 
 
 def _grid(part: SubFigure, result: Result, layout: Grid) -> str:
     shown = {"demonstrations": result.expert, r"policy $\pi$": episodes.gather(result).policy}
     shares = []
     for axis, (title, trajectories) in zip(part.subplots(1, 2), shown.items(), strict=True):
-        one = first_seed(trajectories)
-        violating = episodes.infeasible(one)
-        draw_paths(axis, layout, cells_of(one, layout)[:NUM_PATHS], violating[:NUM_PATHS])
+        of_first = first_seed(trajectories)
+        violating = episodes.infeasible(of_first)
+        draw_paths(axis, layout, cells_of(of_first, layout)[:NUM_PATHS], violating[:NUM_PATHS])
         draw_layout(axis, layout, filled=True)
         axis.set_title(title)
         shares.append(f"{100 * violating.mean():.1f} %")

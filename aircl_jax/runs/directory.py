@@ -20,9 +20,9 @@ import yaml
 from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, read_metrics, to_json
 from aircl_jax.runs.recorder import Row
 from aircl_jax.settings.env_defaults import unnamed_settings
-from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.renamed import RENAMED, old_name
 from aircl_jax.storage import write_whole
+from envs.settings import flatten
 
 CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
 SUMMARY, REPORT, FIGURES = "summary.json", "report.md", "figures"
@@ -184,18 +184,18 @@ def _resumed(path: Path, settings: Settings, chunk: int) -> RunDirectory:
 
 def _refuse_other_settings(path: Path, settings: Settings) -> None:
     try:
-        kept = flatten(yaml.safe_load((path / CONFIG).read_text()))
+        there = flatten(yaml.safe_load((path / CONFIG).read_text()))
     except (yaml.YAMLError, AttributeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path / CONFIG} cannot be read; use overwrite=true to start again") from error
-    for name in sorted(kept, key=lambda name: RENAMED.get(name) is None):
+    for name in sorted(there, key=lambda name: RENAMED.get(name) is None):
         if of_before := old_name(name):
             raise ValueError(f"run_dir={path} is of an older version: {of_before}; choose overwrite=true or another directory")
-    asked = flatten(settings)
-    before = unnamed_settings(asked.get("env.name", ""))
-    kept = {name: before[name] for name in asked if name in before} | kept
-    differing = [name for name in kept | asked if name not in _FREE and kept.get(name) != asked.get(name)]
+    here = flatten(settings)
+    before = unnamed_settings(here.get("env.name", ""))
+    there = {name: before[name] for name in here if name in before} | there
+    differing = [name for name in there | here if name not in _FREE and there.get(name) != here.get(name)]
     if differing:
-        listed = "; ".join(f"{name} is {kept.get(name)} there and {asked.get(name)} here" for name in differing)
+        listed = "; ".join(f"{name} is {there.get(name)} there and {here.get(name)} here" for name in differing)
         raise ValueError(
             f"run_dir={path} holds a run with other settings: {listed}; choose overwrite=true or another directory"
         )

@@ -42,5 +42,5 @@ def complete_lines(path: Path) -> list[str]:
 
 def cut(path: Path, lines: int) -> None:
     """Keep the first lines; a file that is not there becomes empty."""
-    kept = complete_lines(path)[:lines] if path.exists() else []
-    write_whole(path, "".join(kept))
+    first = complete_lines(path)[:lines] if path.exists() else []
+    write_whole(path, "".join(first))

@@ -73,8 +73,8 @@ def make_evaluator(
     def on_device(states: TrainState, expert: Expert, shared: Any) -> Metrics:
         return over_seeds(lambda state, of_seed: evaluate(state, of_seed, shared))(states, expert)
 
-    judge = jax.jit(shard(on_device, in_specs=(SEED, SEED, PartitionSpec())))
-    return lambda states, expert, shared: judge(place(states), place(expert), shared)
+    run = jax.jit(shard(on_device, in_specs=(SEED, SEED, PartitionSpec())))
+    return lambda states, expert, shared: run(place(states), place(expert), shared)
 
 
 def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:

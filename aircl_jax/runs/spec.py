@@ -13,12 +13,13 @@ from aircl_jax.demonstrations.sources import REFERENCE_SEED
 from aircl_jax.methods import Method, get_method
 from aircl_jax.settings.checks import check_config
 from aircl_jax.settings.env_defaults import default_config
-from aircl_jax.settings.parse import at_least, plain, updated
-from aircl_jax.settings.renamed import renamed
+from aircl_jax.settings.renamed import refuse_old_names, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
-from envs import ENVS, Env, make_env
+from envs import Env
 from envs.checks import check_env
+from envs.registry import build, options_of
+from envs.settings import at_least, plain, updated
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ def make_spec(
     check_env(world)
     row = get_method(method, contrast_prior)
     if not isinstance(config, TrainConfig):
+        refuse_old_names(config, "train")
         config = updated(default_config(world.name, row.settings), config, "train")
     if iterations != "default":
         config = replace(config, iterations=at_least("iterations", iterations, 1))
@@ -142,11 +144,8 @@ def read_spec(settings: Mapping[str, Any]) -> RunSpec:
 
 
 def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, Any]]:
-    if name not in ENVS:
-        raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")
-    options = updated(ENVS[name].options(), settings, "env").resolved()
-    values = asdict(options)
-    return make_env(name, **values), values
+    options = options_of(name, settings)
+    return build(name, options), asdict(options)
 
 
 def _given(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Trajectory | None]:

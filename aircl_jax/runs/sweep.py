@@ -39,17 +39,17 @@ def sweep(spec: RunSpec, coefficient: str, values: Sequence[float]) -> dict[str,
     for value in values:
         check_config(_with_value(spec.config, coefficient, value).coefficients, "train.coefficients")
     expert, reference = sources.demonstrations(spec.env, spec.seeds, spec.config)
-    lanes = jax.tree.map(lambda leaf: jnp.concatenate([leaf] * len(values)), expert)
-    given = (lanes, jnp.repeat(jnp.asarray(values, jnp.float32), len(spec.seeds)))
+    experts = jax.tree.map(lambda leaf: jnp.concatenate([leaf] * len(values)), expert)
+    lanes = (experts, jnp.repeat(jnp.asarray(values, jnp.float32), len(spec.seeds)))
     runner = make_runner(_trainer(spec, coefficient), spec.seeds * len(values))
-    states, left = runner.init(given), spec.config.iterations
+    states, left = runner.init(lanes), spec.config.iterations
     while left:
         length = min(spec.config.checkpoint_every, left)
-        states, _ = runner.run_chunk(states, given, length)
+        states, _ = runner.run_chunk(states, lanes, length)
         left -= length
-    judge = make_evaluator(partial(_evaluate, spec, coefficient), len(spec.seeds) * len(values))
-    found = jax.device_get(judge(states, given, reference))
-    return {name: np.asarray(metric).reshape(len(values), len(spec.seeds)) for name, metric in found.items()}
+    measure = make_evaluator(partial(_evaluate, spec, coefficient), len(spec.seeds) * len(values))
+    metrics = jax.device_get(measure(states, lanes, reference))
+    return {name: np.asarray(metric).reshape(len(values), len(spec.seeds)) for name, metric in metrics.items()}
 
 
 def _with_value(config: TrainConfig, coefficient: str, value: Scalar) -> TrainConfig:
@@ -63,15 +63,15 @@ def _trainer(spec: RunSpec, coefficient: str) -> Trainer:
     def of(value: Float[Array, ""]) -> Trainer:
         return make_trainer(spec.env, spec.method, _with_value(spec.config, coefficient, value))
 
-    def init(key: PRNGKeyArray, given: Any) -> TrainState:
-        return of(given[1]).init(key, given[0])
+    def init(key: PRNGKeyArray, lane: Any) -> TrainState:
+        return of(lane[1]).init(key, lane[0])
 
-    def step(state: TrainState, given: Any) -> tuple[TrainState, Metrics]:
-        return of(given[1]).step(state, given[0])
+    def step(state: TrainState, lane: Any) -> tuple[TrainState, Metrics]:
+        return of(lane[1]).step(state, lane[0])
 
     return Trainer(init, step, make_networks(spec.env, spec.method, spec.config))
 
 
-def _evaluate(spec: RunSpec, coefficient: str, state: TrainState, given: Any, reference: Trajectory) -> Metrics:
-    nets = make_networks(spec.env, spec.method, _with_value(spec.config, coefficient, given[1]))
-    return evaluate(nets, state, given[0], reference)
+def _evaluate(spec: RunSpec, coefficient: str, state: TrainState, lane: Any, reference: Trajectory) -> Metrics:
+    nets = make_networks(spec.env, spec.method, _with_value(spec.config, coefficient, lane[1]))
+    return evaluate(nets, state, lane[0], reference)

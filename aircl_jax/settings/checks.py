@@ -4,8 +4,8 @@ import math
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from aircl_jax.settings.parse import at_least
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
+from envs.settings import at_least
 
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
 COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "lr_decay_iterations")
@@ -27,8 +27,8 @@ def check_config(config: Any, prefix: str) -> None:
         bounds = f"log_std_min={config.log_std_min} and log_std_max={config.log_std_max}"
         raise ValueError(f"{prefix}.log_std_init={config.log_std_init} is not between {bounds}; choose one that is")
     if isinstance(config, TrainConfig) and 0 < config.lr_decay_iterations <= config.policy_delay:
-        given = f"{prefix}.policy_delay={config.policy_delay} is not less than lr_decay_iterations={config.lr_decay_iterations}"
-        raise ValueError(f"{given}, so that the policy would never move; choose less")
+        delay = f"{prefix}.policy_delay={config.policy_delay} is not less than lr_decay_iterations={config.lr_decay_iterations}"
+        raise ValueError(f"{delay}, so that the policy would never move; choose less")
 
 
 def _check_counts(name: str, value: Any, smallest: int) -> None:

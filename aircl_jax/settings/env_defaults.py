@@ -3,9 +3,9 @@
 from dataclasses import asdict, replace
 from typing import Any, Literal
 
-from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.train_config import AdversaryConfig, Coefficients, PPOConfig, TrainConfig
 from envs import ENVS
+from envs.settings import flatten
 
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
 

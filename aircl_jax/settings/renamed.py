@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from envs.settings import flatten
+
 # Old → new, with their groups. The last part alone has changed; None: it is no setting any more.
 RENAMED: Mapping[str, str | None] = {
     "train.waiting": "train.policy_delay",
@@ -32,3 +34,10 @@ def old_name(full: str) -> str | None:
         return None
     new = RENAMED[full]
     return f"unknown setting {full}; " + (f"it is called {new} now" if new else "it is gone, for it changed nothing")
+
+
+def refuse_old_names(settings: Mapping[str, Any], prefix: str) -> None:
+    """Raises ValueError for the first setting that has another name today, or that is gone."""
+    for name in flatten(settings, prefix):
+        if line := old_name(name):
+            raise ValueError(line)

@@ -119,8 +119,8 @@ def parts(settings: Settings) -> dict[str, str]:
     from aircl_jax.demonstrations.sources import demonstrations
     from aircl_jax.methods import get_method
     from aircl_jax.settings.env_defaults import default_config
-    from aircl_jax.settings.parse import updated
     from envs import make_env
+    from envs.settings import updated
 
     env, method = make_env(settings.env, **settings.env_settings), get_method(settings.method)
     config = updated(default_config(settings.env, method.settings), settings.training)

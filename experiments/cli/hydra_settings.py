@@ -8,9 +8,9 @@ from hydra.core.config_store import ConfigStore
 
 from aircl_jax.methods import METHODS
 from aircl_jax.settings.env_defaults import default_config
-from aircl_jax.settings.parse import plain
 from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS
+from envs.settings import plain
 
 HELP = f"""Learns a reward, a constraint and a policy from demonstrations.
 

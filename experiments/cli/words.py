@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from aircl_jax.settings.parse import at_least, updated
+from envs.settings import at_least, updated
 
 T = TypeVar("T")
 SEEDS = 10  # of every result of this project
@@ -21,13 +21,13 @@ def parse(words: Sequence[str], default: T, about: str | None) -> T:
     if "--help" in words:
         print(about)
         raise SystemExit(0)
-    given: dict[str, Any] = {}
+    overrides: dict[str, Any] = {}
     for word in words:
         name, equals, value = word.partition("=")
         if not equals:
             raise ValueError(f"cannot read {word!r}; write NAME=VALUE")
-        given[name] = yaml.safe_load(value)
-    return updated(default, given)
+        overrides[name] = yaml.safe_load(value)
+    return updated(default, overrides)
 
 
 def listed(name: str, given: str, known: Sequence[str]) -> tuple[str, ...]:

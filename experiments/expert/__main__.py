@@ -3,15 +3,16 @@
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from aircl_jax.experts.config import EXPERTS, expert_config
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
-from aircl_jax.settings.parse import at_least, plain, updated
-from envs import ENVS, make_env
+from envs import ENVS
 from envs.options import RobotOptions
+from envs.registry import build, options_of
+from envs.settings import at_least, plain, updated
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import QUIET, hydra_node, store
 
@@ -66,7 +67,7 @@ def register() -> None:
 
 
 def train(composed: Composed) -> None:
-    """Check the settings, then train, judge, choose and write."""
+    """Check the settings, then train, measure, choose and write."""
     name, values = composed.env, dict(composed.values)
     robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
     if name not in robots:
@@ -75,12 +76,12 @@ def train(composed: Composed) -> None:
     settings = updated(ExpertSettings(), values)
     for field in ("seeds", "free_seeds", "episodes"):
         at_least(field, getattr(settings, field), 1)
-    options = asdict(updated(ENVS[name].options(), env_values, "env"))
-    tuned = updated(expert_config(name, options["constraint"]), _given(train_values), "train")
+    options = options_of(name, env_values)
+    tuned = updated(expert_config(name, options.constraint), _given(train_values), "train")
     if settings.iterations != DEFAULT:
         tuned = updated(tuned, {"iterations": settings.iterations})
     at_least("iterations", tuned.iterations, 1)
-    if options["constraint"] == "none":
+    if options.constraint == "none":
         raise ValueError("env.constraint=none: an expert is trained under a constraint, its reference set without; choose one")
 
     from aircl_jax.runs.directory import existing, open_run
@@ -88,10 +89,10 @@ def train(composed: Composed) -> None:
 
     words = [word for word in composed.words if not word.startswith(("resume=", "overwrite="))]
     task = Task(
-        name=f"{name}_{options['constraint']}",
-        env=make_env(name, **options),
-        practice=make_env(name, **options | {"terminate": options["terminate"] or tuned.restart}),
-        env_settings={"name": name, **plain(options)},
+        name=f"{name}_{options.constraint}",
+        env=build(name, options),
+        practice=build(name, replace(options, terminate=options.terminate or tuned.restart)),
+        env_settings={"name": name, **plain(asdict(options))},
         config=tuned,
         seeds=settings.seeds,
         free_seeds=settings.free_seeds,

@@ -1,4 +1,4 @@
-"""One expert's run: train in chunks that resume, judge fresh episodes, choose a seed, write demonstrations and reference."""
+"""One expert's run: train in chunks that resume, measure fresh episodes, choose a seed, write demonstrations and reference."""
 
 import json
 import time
@@ -14,23 +14,23 @@ import numpy as np
 from aircl_jax.algorithm.learners.lagrangian import LagrangianState, make_lagrangian
 from aircl_jax.demonstrations import files
 from aircl_jax.experts.selection import (
-    JUDGED,
-    Judgement,
+    MEASURED,
+    EpisodeMeasures,
     Runner,
     Sampler,
     best_expert,
     best_free,
     clean_episodes,
-    judge,
     make_runner,
+    measure,
     random_return,
     reference_set,
 )
 from aircl_jax.runs.directory import RunDirectory
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
-from aircl_jax.settings.parse import plain
 from envs import Env
 from envs.robots.practice_worlds import clipped_world
+from envs.settings import plain
 
 PACKAGES = ("jax", "flax", "optax", "distrax", "mujoco", "numpy")
 EPISODE_SEED = 2_147_483_645  # of the key of all episodes drawn after training: no run's seed
@@ -42,7 +42,7 @@ class Task:
     """A checked command: what to train, and where its files go."""
 
     name: str  # ENV_CONSTRAINT
-    env: Env  # where experts are judged and demonstrate
+    env: Env  # where experts are measured and demonstrate
     practice: Env  # where they train: the same, perhaps with an early end
     env_settings: Mapping[str, Any]
     config: LagrangianConfig
@@ -98,44 +98,44 @@ def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDi
 
 
 def harvest(task: Task, draw: Sampler, states: LagrangianState) -> dict[str, Any]:
-    """Judge every seed, choose, draw, write; returns what summary.json holds. ValueError where no seed is clean enough."""
+    """Measure every seed, choose, draw, write; return what summary.json holds. ValueError where no seed is clean enough."""
     keys = iter(jax.random.split(jax.random.key(EPISODE_SEED), 8))
-    key_judge, key_draw, key_reference, key_clip, key_random = (next(keys) for _ in range(5))
+    key_measure, key_draw, key_reference, key_clip, key_random = (next(keys) for _ in range(5))
     total = task.seeds + task.free_seeds
     each = [jax.tree.map(lambda leaf, i=i: leaf[i], jax.device_get(states)) for i in range(total)]
-    judged = [judge(draw(state, jax.random.fold_in(key_judge, i), JUDGED)) for i, state in enumerate(each)]
-    best = best_expert(judged[: task.seeds])
-    free = task.seeds + best_free(judged[task.seeds :])
+    of_seeds = [measure(draw(state, jax.random.fold_in(key_measure, i), MEASURED)) for i, state in enumerate(each)]
+    best = best_expert(of_seeds[: task.seeds])
+    free = task.seeds + best_free(of_seeds[task.seeds :])
 
     clean, share = clean_episodes(draw, each[best], key_draw, task.episodes)
     reference, groups = reference_set(draw, each[best], each[free], key_reference)
-    beside = {"unconstrained expert": judged[free], "random N(0, 1)": random_return(task.env, key_random)}
+    beside = {"unconstrained expert": of_seeds[free], "random N(0, 1)": random_return(task.env, key_random)}
     beside |= _clipped(task, draw, each[free], key_clip)
     facts = _provenance(task, task.first_seed + best, each[best])
-    kept = judge(clean)
-    shipped = {"returns_mean": kept.mean, "returns_std": kept.std, "clean_share_before_filtering": round(share, 4)}
+    shown = measure(clean)
+    shipped = {"returns_mean": shown.mean, "returns_std": shown.std, "clean_share_before_filtering": round(share, 4)}
     task.out.mkdir(parents=True, exist_ok=True)
     files.save(task.out / f"{task.name}.npz", clean, {**facts, **shipped})
-    composition = {name: one.as_json() for name, one in groups.items()}
+    composition = {name: measures.as_json() for name, measures in groups.items()}
     about = {**facts, "unconstrained_seed": task.first_seed + free, "groups": composition}
     files.save(task.out / f"{task.name}_reference.npz", reference, about)
     return {
         **facts,
-        "chosen": {"seed": task.first_seed + best, **judged[best].as_json()},
+        "chosen": {"seed": task.first_seed + best, **of_seeds[best].as_json()},
         "demonstrations": shipped,
-        "beside": {name: one.as_json() for name, one in beside.items()},
-        "reference": {"feasible_share": judge(reference).clean_share, "groups": composition},
-        "seeds": [one.as_json() for one in judged],
+        "beside": {name: measures.as_json() for name, measures in beside.items()},
+        "reference": {"feasible_share": measure(reference).clean_share, "groups": composition},
+        "seeds": [measures.as_json() for measures in of_seeds],
     }
 
 
-def _clipped(task: Task, draw: Sampler, free: LagrangianState, key: jax.Array) -> dict[str, Judgement]:
+def _clipped(task: Task, draw: Sampler, free: LagrangianState, key: jax.Array) -> dict[str, EpisodeMeasures]:
     """Where actions are constrained: the unconstrained expert with its actions clipped to the limit."""
     limit = task.env.limit
     if limit is None or limit.bounds != "actions":
         return {}
     world = clipped_world(task.env, limit.value)
-    return {f"unconstrained expert, clipped to ±{limit.value:g}": judge(Sampler(world, draw.nets)(free, key, JUDGED))}
+    return {f"unconstrained expert, clipped to ±{limit.value:g}": measure(Sampler(world, draw.nets)(free, key, MEASURED))}
 
 
 def _provenance(task: Task, seed: int, state: LagrangianState) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from aircl_jax.figures.animals import ground_maps, transitions
 from envs.animals.data_folder import command_prefix
 from experiments.cli.command import run_command
 from experiments.figure2.analysis import NICE, Numbers, Settings, Study, analyse, read
-from experiments.figure2.report import report
+from experiments.figure2.report import point, report
 
 CELLS = 60  # of the map's regions along its longer side
 
@@ -44,7 +44,7 @@ def draw(study: Study, settings: Settings, numbers: Numbers) -> None:
     ground = ground_of(study)
     cell = max(float(np.ptp(rows.position, axis=0).max()) for rows in ground.cameras.values()) / CELLS
     panels = {
-        "missing coordinates counted as (0, 0, 0)": (numbers.with_missing, note(numbers, "with_missing")),
+        f"missing coordinates counted as {point(numbers)}": (numbers.with_missing, note(numbers, "with_missing")),
         "missing coordinates left out": (numbers.without, note(numbers, "without")),
     }
     distance_map, frequency_map = transitions.pair_maps(numbers.pairs, coded.names, numbers.long_pairs, unit, simulated)

@@ -60,6 +60,7 @@ def read(settings: Settings) -> Study:
 class Numbers(NamedTuple):
     """All that the figures and the report show."""
 
+    missing_at: tuple[float, ...]  # the point that `with_missing` counts missing coordinates at, in the unit of distances
     with_missing: transition_distances.Histogram
     without: transition_distances.Histogram
     rises: dict[str, list[transition_distances.RiseTest]]  # with and without the rows at missing coordinates, by bin width
@@ -109,6 +110,7 @@ def analyse(study: Study, settings: Settings) -> Numbers:
     long_distance = float(np.percentile(distance[kept], LONG_PERCENTILE))
     low, high = (bins * width for bins in TAIL_BINS)
     return Numbers(
+        missing_at=tuple(filled.tolist()),
         with_missing=transition_distances.histogram(all_starts, all_ends, moves.recording, edges(width), **seeded),
         without=transition_distances.histogram(
             moves.start[kept], moves.end[kept], moves.recording[kept], edges(width), **seeded

@@ -51,9 +51,9 @@ def verdict(study: Study, numbers: Numbers) -> str:
 that is, a distance beyond which transitions become more frequent again:
 {_words(kept)}.
 
-- With the {lacking:,} transitions whose position is missing counted at (0, 0, 0):
+- With the {lacking:,} transitions whose position is missing counted at {point(numbers)}:
   {_words(filled)}.
-  These distances are artefacts: they measure the way to the origin of the coordinates.
+  These distances are artefacts: they measure the way to that point.
 - The tail: {tail.observed} transitions at {tail.high:g} or more, where an exponential fitted from {tail.low:g} to
   {tail.high:g} leads to expect {tail.expected:.1f} (ratio, 95 % over resampled recordings: {low:.2f} to {high:.2f}):
   {weight} exponential. A heavy tail is no inflexion.
@@ -61,6 +61,11 @@ that is, a distance beyond which transitions become more frequent again:
   than if where an animal begins its next behaviour had nothing to do with where it began the last.
 - None of this measures a reward. That long transitions are driven by high rewards, the contrast prior of the paper's
   Section 6, is an assumption that these histograms neither show nor exclude."""
+
+
+def point(numbers: Numbers) -> str:
+    """The point at which missing coordinates are counted, in words."""
+    return f"({', '.join(f'{coordinate:g}' for coordinate in numbers.missing_at)})"
 
 
 def _words(test: RiseTest) -> str:
@@ -75,7 +80,7 @@ def rise_table(numbers: Numbers) -> str:
     """The largest rise at three bin widths, with and without the rows at missing coordinates."""
     head = ("missing coordinates", "bin", "rise", "z", "p under a falling trend", "still rises in resampled recordings")
     rows = []
-    for name, words in (("with_missing", "counted as (0, 0, 0)"), ("without", "left out")):
+    for name, words in (("with_missing", f"counted as {point(numbers)}"), ("without", "left out")):
         for test in numbers.rises[name]:
             rise = f"{test.counts[0]} at {test.low:g} → {test.counts[1]} at {test.high:g}"
             share = f"{100 * test.bootstrap_share:.0f} %"

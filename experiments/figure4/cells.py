@@ -26,12 +26,12 @@ from aircl_jax.analysis.causal import (
 from aircl_jax.analysis.recovered import Recovered, recover
 from aircl_jax.methods import METHODS
 from aircl_jax.model.networks import Networks
-from aircl_jax.settings.parse import at_least
 from aircl_jax.storage import write_whole
 from aircl_jax.types import TrainState
 from envs import Tabular
 from envs.animals.meerkat import Herd, load
 from envs.options import MeerkatOptions
+from envs.settings import at_least
 from experiments.cli.words import listed, smoke_budget
 from experiments.shared.commits import current_commit
 

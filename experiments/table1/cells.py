@@ -14,8 +14,8 @@ from aircl_jax import train
 from aircl_jax.runs.directory import CONFIG
 from aircl_jax.runs.spec import RunSpec, make_spec
 from aircl_jax.settings.env_defaults import default_config, unnamed_settings
-from aircl_jax.settings.parse import flatten
 from aircl_jax.settings.renamed import renamed
+from envs.settings import flatten
 from experiments.cli.progress import Reporter
 from experiments.shared.kept_files import keep
 from experiments.shared.paired_tests import Values
@@ -59,8 +59,8 @@ class Study:
 
     def column(self, env: str, metric: str, methods: Sequence[str] = ROWS) -> dict[str, Values]:
         """{method: {seed: value}} of the finished cells."""
-        found = {method: self.cells.get((env, method)) for method in methods}
-        return {method: values(cell, metric) for method, cell in found.items() if cell is not None}
+        row = {method: self.cells.get((env, method)) for method in methods}
+        return {method: values(cell, metric) for method, cell in row.items() if cell is not None}
 
 
 def iterations_of(job: Job, env: str) -> int:
@@ -82,9 +82,9 @@ def arguments(job: Job, env: str, method: str) -> Mapping[str, Any]:
 
 def command(job: Job, env: str, method: str) -> str:
     """The command line that makes this cell's run by itself."""
-    given = arguments(job, env, method)
-    settings = [f"train.{name}={value}" for name, value in flatten(given["config"]).items()]
-    words = [f"{name}={value}" for name, value in given.items() if name != "config"]
+    chosen = arguments(job, env, method)
+    settings = [f"train.{name}={value}" for name, value in flatten(chosen["config"]).items()]
+    words = [f"{name}={value}" for name, value in chosen.items() if name != "config"]
     return " ".join(["python -m experiments.run", *words, *settings, f"run_dir={job.run_dir(env, method)}"])
 
 
@@ -112,15 +112,15 @@ def unavailable(env: str) -> str | None:
 def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = False) -> Cell:
     """Train, or continue what was cut, and keep the cell. Raises ValueError where the run there is another one."""
     spec, directory = spec_of(job, env, method), job.run_dir(env, method)
-    given = arguments(job, env, method)
+    chosen = arguments(job, env, method)
     if overwrite:
         job.path(env, method).unlink(missing_ok=True)  # so that a cut run is continued and not skipped
     commits = _commits(directory, commit, overwrite)
-    reporter = Reporter(f"{method} on {env}, {given['iterations']} iterations of {job.seeds} seeds, in {directory}")
+    reporter = Reporter(f"{method} on {env}, {chosen['iterations']} iterations of {job.seeds} seeds, in {directory}")
     line = command(job, env, method)
     try:
         result = train(
-            **given, run_dir=directory, resume=not overwrite, overwrite=overwrite, command=line, recorders=[reporter]
+            **chosen, run_dir=directory, resume=not overwrite, overwrite=overwrite, command=line, recorders=[reporter]
         )
     finally:
         reporter.close()
@@ -169,11 +169,11 @@ def _short(value: float) -> float | None:
 def load(job: Job) -> dict[tuple[str, str], Cell]:
     """The finished cells of this table. Raises ValueError where a cell is of another scale."""
     paths = {(env, method): job.path(env, method) for env in COLUMNS for method in ROWS}
-    found = {place: json.loads(path.read_text()) for place, path in paths.items() if path.exists()}
-    for place, cell in found.items():
+    cells = {place: json.loads(path.read_text()) for place, path in paths.items() if path.exists()}
+    for place, cell in cells.items():
         if cell["scale"] != job.scale:
             raise ValueError(f"{paths[place]} is of scale={cell['scale']}; choose another folder with out=DIR")
-    return found
+    return cells
 
 
 def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
@@ -181,7 +181,7 @@ def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
 
     A setting that a cell does not name is younger than the cell; its default is what was done before there was one.
     """
-    found: dict[str, list[str]] = {}
+    differences: dict[str, list[str]] = {}
     for (env, method), cell in cells.items():
         here, there = flatten(settings_of(spec_of(job, env, method))), flatten(renamed(cell["settings"]))
         before = unnamed_settings(env)
@@ -189,8 +189,8 @@ def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
             then = there.get(name, before.get(name))
             if here.get(name) != then:
                 difference = f"{name} is {then} there and {here.get(name)} here"
-                found.setdefault(difference, []).append(f"{env}/{method}")
-    return found
+                differences.setdefault(difference, []).append(f"{env}/{method}")
+    return differences
 
 
 def values(cell: Cell, metric: str) -> Values:
@@ -199,5 +199,5 @@ def values(cell: Cell, metric: str) -> Values:
         both = zip(*(cell["metrics"][name]["per_seed"] for name in ("return", "expert_return")), strict=True)
         ratios = [None if own is None or not expert or expert <= 0 else own / expert for own, expert in both]
         return dict(zip(cell["seeds"], ratios, strict=True))
-    found = cell["metrics"].get(metric, {}).get("per_seed", [None] * len(cell["seeds"]))
-    return dict(zip(cell["seeds"], found, strict=True))
+    per_seed = cell["metrics"].get(metric, {}).get("per_seed", [None] * len(cell["seeds"]))
+    return dict(zip(cell["seeds"], per_seed, strict=True))

@@ -1,6 +1,5 @@
 """The centred discriminator and the corrected terms, tests and thresholds against naive float64 numpy, without log space."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import jax
@@ -28,11 +27,7 @@ from tests.worlds import (
     unit_stats,
 )
 
-
-@pytest.fixture(autouse=True)
-def double_precision() -> Iterator[None]:
-    with jax.enable_x64(True):
-        yield
+pytestmark = pytest.mark.usefixtures("double_precision")
 
 
 def test_minimal_constraint_term_of_the_corrected_row_speaks_of_the_sequence_factor_alone():

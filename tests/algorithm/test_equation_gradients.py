@@ -1,6 +1,5 @@
 """The paper's gradients (Eq. 11, 12) and the ones that docs/equations.md derives instead, in float64."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
@@ -18,11 +17,7 @@ from aircl_jax.model.feasibility import log_feasibility
 from aircl_jax.settings.train_config import Coefficients
 from tests.worlds import TINY, random_trajectories, tiny_grid, tiny_networks, unit_stats
 
-
-@pytest.fixture(autouse=True)
-def double_precision() -> Iterator[None]:
-    with jax.enable_x64(True):
-        yield
+pytestmark = pytest.mark.usefixtures("double_precision")
 
 
 class Setting:

@@ -1,7 +1,5 @@
 """The paper's equations against naive float64 numpy: products and exps, no log space."""
 
-from collections.abc import Iterator
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,11 +25,7 @@ from tests.worlds import (
     unit_stats,
 )
 
-
-@pytest.fixture(autouse=True)
-def double_precision() -> Iterator[None]:
-    with jax.enable_x64(True):
-        yield
+pytestmark = pytest.mark.usefixtures("double_precision")
 
 
 def step_discriminator(scores):

@@ -2,10 +2,11 @@
 
 import sys
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from types import SimpleNamespace
 from typing import Any
 
+import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -29,8 +30,7 @@ METHOD = METHODS["aircl_corrected"]  # every part takes its turn
 POOL = CONFIG.num_trajectories * CONFIG.pool_factor
 
 
-def assert_same(one: Any, other: Any) -> None:
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-6), one, other)
+same_to_rounding = partial(chex.assert_trees_all_close, rtol=1e-4, atol=1e-6)
 
 
 @cache
@@ -104,13 +104,13 @@ def paid(params: Params) -> tuple[Any, Any]:
 
 def test_ppo_is_paid_by_the_reward_and_the_constraint_that_the_adversary_has_left():
     seen = recorded()
-    assert_same((seen.reward, seen.bonus), paid(seen.left._replace(thresholds=thresholds(seen.left))))
+    same_to_rounding((seen.reward, seen.bonus), paid(seen.left._replace(thresholds=thresholds(seen.left))))
     assert np.abs(np.asarray(seen.reward - paid(seen.first.params)[0])).max() > 0.1
 
 
 def test_samples_are_drawn_from_the_whole_pool_by_the_feasibility_before_the_update():
     seen = recorded()
-    assert_same(seen.log_delta, log_delta(seen.first.params, seen.pool))
+    same_to_rounding(seen.log_delta, log_delta(seen.first.params, seen.pool))
     order = np.argsort(np.asarray(seen.log_delta), kind="stable")[: CONFIG.num_trajectories]
     np.testing.assert_array_equal(seen.batches.sampled.reward, np.asarray(seen.pool.reward)[order])
 
@@ -120,7 +120,7 @@ def test_the_adversary_sees_the_experts_the_first_half_of_the_round_and_the_repl
     np.testing.assert_array_equal(seen.batches.expert.reward, seen.expert.reward)
     np.testing.assert_array_equal(seen.batches.policy.reward, seen.pool.reward[:3])
     np.testing.assert_array_equal(seen.batches.replay.reward, seen.first.replay.reward)
-    assert_same(seen.judged_by, seen.first.params)
+    same_to_rounding(seen.judged_by, seen.first.params)
 
 
 def test_the_replay_is_refreshed_with_what_the_adversary_has_judged():
@@ -130,12 +130,12 @@ def test_the_replay_is_refreshed_with_what_the_adversary_has_judged():
 def test_ppo_runs_over_the_whole_pool_with_the_present_policy():
     seen = recorded()
     np.testing.assert_array_equal(seen.played.reward, seen.pool.reward)
-    assert_same((seen.acting.policy, seen.acting.value), (seen.first.params.policy, seen.first.params.value))
+    same_to_rounding((seen.acting.policy, seen.acting.value), (seen.first.params.policy, seen.first.params.value))
 
 
 def test_thresholds_are_calibrated_after_the_adversarys_update_and_kept():
     seen = recorded()
-    assert_same(seen.last.params.thresholds, thresholds(seen.left))
+    same_to_rounding(seen.last.params.thresholds, thresholds(seen.left))
     assert abs(seen.last.params.thresholds.sequence - thresholds(seen.first.params).sequence) > 0.01
 
 
@@ -150,7 +150,7 @@ def test_feasibility_of_a_step_is_the_policys_before_the_update_and_the_experts_
 def test_what_the_policys_update_returns_is_the_next_state():
     seen = recorded()
     jax.tree.map(lambda new, old: np.testing.assert_array_equal(new, old + 1.0), seen.last.params.policy, seen.acting.policy)
-    assert_same((seen.last.params.reward, seen.last.params.feasibility), (seen.left.reward, seen.left.feasibility))
+    same_to_rounding((seen.last.params.reward, seen.last.params.feasibility), (seen.left.reward, seen.left.feasibility))
 
 
 def test_no_key_is_used_twice():

@@ -41,8 +41,8 @@ def of_a_run(composed: Composed) -> None:
     """What a run checks of its settings before it makes anything."""
     from aircl_jax.methods import get_method
     from aircl_jax.settings.env_defaults import default_config
-    from aircl_jax.settings.parse import updated
     from envs import ENVS
+    from envs.settings import updated
     from experiments.cli.hydra_settings import RunSettings
 
     env, values = composed.env, dict(composed.values)

@@ -11,7 +11,16 @@ import pytest
 
 from aircl_jax.algorithm.learners import lagrangian
 from aircl_jax.algorithm.learners.lagrangian import LagrangianState, Moments, make_lagrangian, stats_of
-from aircl_jax.experts.selection import DRAWN, Judgement, Sampler, best_expert, best_free, clean_episodes, judge, random_return
+from aircl_jax.experts.selection import (
+    DRAWN,
+    EpisodeMeasures,
+    Sampler,
+    best_expert,
+    best_free,
+    clean_episodes,
+    measure,
+    random_return,
+)
 from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.train_config import PPOConfig
@@ -163,14 +172,14 @@ EPISODES = random_trajectories(tiny_grid(horizon=3, goal=[1, 2]), 0, 3)._replace
 
 
 def test_a_seed_is_judged_by_all_its_episodes_and_by_the_clean_ones():
-    found = judge(EPISODES)
-    expected = Judgement(mean=40 / 3, std=float(np.std([6, 30, 4])), clean_share=2 / 3, clean_return=5.0, cost=1 / 3)
+    found = measure(EPISODES)
+    expected = EpisodeMeasures(mean=40 / 3, std=float(np.std([6, 30, 4])), clean_share=2 / 3, clean_return=5.0, cost=1 / 3)
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_the_expert_is_chosen_by_its_clean_episodes_and_the_unconstrained_one_by_all():
-    one = Judgement(mean=9.0, std=1.0, clean_share=0.6, clean_return=2.0, cost=0.0)
-    other = Judgement(mean=5.0, std=1.0, clean_share=0.6, clean_return=3.0, cost=0.0)
+    one = EpisodeMeasures(mean=9.0, std=1.0, clean_share=0.6, clean_return=2.0, cost=0.0)
+    other = EpisodeMeasures(mean=5.0, std=1.0, clean_share=0.6, clean_return=3.0, cost=0.0)
     assert best_expert([one, other]) == 1
     assert best_free([other._replace(clean_share=0.1), one._replace(clean_share=0.1)]) == 1
 

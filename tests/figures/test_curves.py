@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -12,13 +11,8 @@ from matplotlib.colors import to_hex
 
 from aircl_jax.figures.curves import Curve, learning_curves, losses, small_multiples
 from aircl_jax.figures.curves import _curve as drawn_curve
-from aircl_jax.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, STYLE, Drawing
-from tests.finished_runs import untrained
-
-
-def drawn(draw, *given: Any) -> Drawing:
-    with mpl.rc_context(STYLE):
-        return draw(*given)
+from aircl_jax.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, Drawing
+from tests.finished_runs import drawn, untrained
 
 
 def panel(drawing: Drawing, title: str) -> Axes:

@@ -20,16 +20,11 @@ from aircl_jax.figures.grids import cells, paths
 from aircl_jax.figures.robots import step_histograms
 from aircl_jax.figures.style import BLACK, BLUE, ORANGE, STYLE, Drawing
 from envs import Box, Grid, Limit
-from tests.finished_runs import untrained
+from tests.finished_runs import drawn, untrained
 from tests.worlds import one_state_env, random_trajectories, table_of
 
 CELLS = 9
 LAYOUT = Grid(3, (0, 0), (2, 2), {"A": ((0, 1),), "B": ((1, 2),)})
-
-
-def drawn(draw: Any, *given: Any) -> Drawing:
-    with mpl.rc_context(STYLE):
-        return draw(*given)
 
 
 @cache

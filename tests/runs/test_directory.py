@@ -8,7 +8,7 @@ import pytest
 from aircl_jax.reports.summary import statistics
 from aircl_jax.runs import directory as runs
 from aircl_jax.runs.metrics_log import stack
-from aircl_jax.settings.parse import updated
+from envs.settings import updated
 
 SETTINGS = {"env": {"name": "gridworld", "slip": 0.01}, "iterations": 4}
 

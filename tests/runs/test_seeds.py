@@ -5,7 +5,9 @@ the compiler still treats loops of different lengths differently (6e-10 of a par
 """
 
 from dataclasses import replace
+from functools import partial
 
+import chex
 import jax
 import numpy as np
 import pytest
@@ -19,12 +21,7 @@ from tests.worlds import TINY, random_trajectories, tiny_grid
 STEPS = 3
 
 
-def assert_same_to_rounding(one, other):
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-7), one, other)
-
-
-def assert_equal(one, other):
-    jax.tree.map(np.testing.assert_array_equal, one, other)
+same_to_rounding = partial(chex.assert_trees_all_close, rtol=1e-5, atol=1e-7)
 
 
 @pytest.fixture(scope="module", params=["airl_centred", pytest.param("aircl_corrected", marks=pytest.mark.slow)])
@@ -56,10 +53,10 @@ def test_key_of_a_seed_is_that_of_the_integer():
 def test_seed_three_is_the_same_alone_and_among_ten(trainer):
     first, last, metrics = run(trainer, range(10))
     first_alone, last_alone, metrics_alone = run(trainer, [3])
-    assert_equal(seed_of(first, 3), seed_of(first_alone, 0))
-    assert_same_to_rounding(seed_of(last, 3), seed_of(last_alone, 0))
+    chex.assert_trees_all_equal(seed_of(first, 3), seed_of(first_alone, 0))
+    same_to_rounding(seed_of(last, 3), seed_of(last_alone, 0))
     assert metrics["return"].shape == (STEPS, 10)
-    assert_same_to_rounding(metrics["return"][:, 3], metrics_alone["return"][:, 0])
+    same_to_rounding(metrics["return"][:, 3], metrics_alone["return"][:, 0])
 
 
 def test_different_seeds_run_differently(trainer):
@@ -73,12 +70,12 @@ def test_one_device_is_two_devices(trainer, monkeypatch):
     first, last, _ = run(trainer, range(4))
     monkeypatch.setattr(seeds, "_shards", lambda number: 1)
     first_one, last_one, _ = run(trainer, range(4))
-    assert_equal(first, first_one)
-    assert_same_to_rounding(last, last_one)
+    chex.assert_trees_all_equal(first, first_one)
+    same_to_rounding(last, last_one)
 
 
 @pytest.mark.slow
 def test_two_chunks_are_one_chunk_of_their_length(trainer):
     _, last, _ = run(trainer, [0, 1], chunks=(4,))
     _, last_twice, _ = run(trainer, [0, 1], chunks=(2, 2))
-    assert_equal(last, last_twice)
+    chex.assert_trees_all_equal(last, last_twice)

@@ -11,9 +11,9 @@ import yaml
 
 from aircl_jax import load, train
 from aircl_jax.runs.directory import CONFIG
-from aircl_jax.settings.parse import flatten, plain
 from aircl_jax.settings.renamed import RENAMED, old_name, renamed
 from aircl_jax.settings.train_config import TrainConfig
+from envs.settings import flatten, plain
 from experiments import run
 
 QUICK = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "checkpoint_every": 1}

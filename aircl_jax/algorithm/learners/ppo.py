@@ -45,13 +45,10 @@ def clipped_surrogate(
 
 
 def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
-    """Adam on a tuple of networks; each one's gradient is clipped by its own norm, so that no critic mutes the policy."""
+    """Adam on (policy, value); each one's gradient is clipped by its own norm, so that no critic mutes the policy."""
     clip = optax.clip_by_global_norm(config.max_grad_norm)
-
-    def clip_each(grads: Any, _: Any = None) -> Any:
-        return tuple(clip.update(one, optax.EmptyState())[0] for one in grads)
-
-    return optax.chain(optax.stateless(clip_each), optax.adam(config.learning_rate, eps=1e-5))
+    clip_each = optax.partition({"policy": clip, "value": clip}, ("policy", "value"))
+    return optax.chain(clip_each, optax.adam(config.learning_rate, eps=1e-5))
 
 
 def epoch_order(key: PRNGKeyArray, number: int, horizon: int, minibatch_size: int) -> Int[Array, "M B"]:

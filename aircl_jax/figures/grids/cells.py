@@ -76,12 +76,12 @@ def feasibility_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvi
     """Draw δ₁ of each cell beside the true constraint; where either has no value by cell, both of the paths through it."""
     doubtful = np.zeros(layout.size**2, bool)
     if result.spec.method.tests_steps and len(table.cost) == layout.size**2:
-        allowed, told = 1.0 - np.asarray(table.cost), "δ₁ of each cell"
+        allowed, words = 1.0 - np.asarray(table.cost), "δ₁ of each cell"
         doubtful = (maps.expert_occupancy < UNSEEN) & (maps.occupancy.mean(axis=0) < UNSEEN) & (allowed > 0)
         true = Map("true constraint", allowed, "1: allowed, 0: forbidden", "{:.0f}")
         learned = Map(r"learned $\delta_1(c)$", maps.step_delta.mean(axis=(0, 2)), r"$\delta_1$", doubtful=doubtful)
     else:
-        told = "of the reference set's trajectories through each cell the share that is feasible, and their mean δ̄"
+        words = "of the reference set's trajectories through each cell the share that is feasible, and their mean δ̄"
         clean, delta = ~episodes.infeasible(result.reference), found.delta_reference.mean(axis=0)
         true = Map("true constraint", _mean_through(clean, result.reference), "feasible share through $c$")
         learned = Map(r"learned", _mean_through(delta, result.reference), r"mean $\bar\delta(\tau)$ through $c$")
@@ -90,7 +90,7 @@ def feasibility_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvi
         _cell_map(axis, layout, one)
     beside = " In brackets: allowed cells where neither the expert nor the policy goes." if doubtful.any() else ""
     caption = (
-        f"The true constraint beside what was learned, {told}: {over_seeds(result)}, the mean over seeds.{beside} "
+        f"The true constraint beside what was learned, {words}: {over_seeds(result)}, the mean over seeds.{beside} "
         f"AUROC {final(result, 'feasibility_auroc')}, gap {final(result, 'feasibility_gap')}."
     )
     return Drawing("feasibility", figure, caption)

@@ -29,23 +29,23 @@ def arriving(values: Float[np.ndarray, "S X A"], maze: Maze, seen: Int[np.ndarra
     weight = np.zeros(len(seen))
     np.add.at(weight, maze.successor, moved)
     total = np.zeros((len(values), len(seen)))
-    for seed, one in enumerate(values * moved):
-        np.add.at(total[seed], maze.successor, one)
+    for seed, values_moved in enumerate(values * moved):
+        np.add.at(total[seed], maze.successor, values_moved)
     return np.where(weight > 0, total / np.maximum(weight, 1), np.nan)
 
 
 def maze_map(recovered: Recovered, maze: Maze, title: str) -> Drawing:
     """Draw the reward of arriving at each node beside the number of visits, and the feasibility of steps where there is one."""
     reward, visits = arriving(recovered.reward, maze, recovered.seen), recovered.seen.sum(axis=1)
-    judged = bool(np.isfinite(recovered.delta).all())
-    panels = 3 if judged else 2
+    has_feasibility = bool(np.isfinite(recovered.delta).all())
+    panels = 3 if has_feasibility else 2
     figure = Figure(figsize=(2.5 * panels, 2.75), layout="constrained")
     axes = figure.subplots(1, panels)
     mean = reward.mean(axis=0)
     bound = float(np.nanmax(np.abs(mean)))
     _nodes(axes[0], maze, mean, "RdBu", Normalize(-bound, bound), "reward of arriving")
     _nodes(axes[1], maze, np.where(visits > 0, visits, np.nan), "magma_r", LogNorm(), "steps recorded there")
-    if judged:
+    if has_feasibility:
         delta = arriving(recovered.delta, maze, np.ones_like(recovered.seen)).mean(axis=0)
         _nodes(axes[2], maze, delta, "viridis", Normalize(0, 1), "feasibility of arriving")
     known = np.flatnonzero(np.isfinite(mean))
@@ -53,8 +53,8 @@ def maze_map(recovered: Recovered, maze: Maze, title: str) -> Drawing:
     places = "; ".join(
         f"{name} is rank {int(np.argmax(order == node)) + 1}" for name, node in maze.marks.items() if node in order
     )
-    found = rank_agreement(reward[:, known])
-    stable = f" Rank correlation of the nodes between seeds {found.mean():.2f} (least {found.min():.2f})." if len(found) else ""
+    ranks = rank_agreement(reward[:, known])
+    stable = f" Rank correlation of the nodes between seeds {ranks.mean():.2f} (least {ranks.min():.2f})." if len(ranks) else ""
     return Drawing(
         "maze",
         figure,

@@ -19,7 +19,7 @@ from aircl_jax.algorithm.learners.lagrangian import (
 )
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.demonstrations.sources import load_shipped
-from aircl_jax.experts.selection import Judgement, Sampler, altered, best_expert, best_free, judge, reference_set
+from aircl_jax.experts.selection import EpisodeMeasures, Sampler, altered, best_expert, best_free, measure, reference_set
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.train_config import PPOConfig
 from aircl_jax.types import Trajectory
@@ -130,14 +130,18 @@ def test_altered_multiplies_mean_and_noise():
 
 
 def test_best_expert_is_the_richest_of_those_that_are_clean_in_half():
-    judged = [Judgement(mean=r, std=1.0, clean_share=s, clean_return=r, cost=0.0) for r, s in ((9, 0.4), (5, 0.6), (7, 0.5))]
+    judged = [
+        EpisodeMeasures(mean=r, std=1.0, clean_share=s, clean_return=r, cost=0.0) for r, s in ((9, 0.4), (5, 0.6), (7, 0.5))
+    ]
     assert best_expert(judged) == 2
     with pytest.raises(ValueError, match=r"no seed is clean"):
         best_expert(judged[:1])
 
 
 def test_the_unconstrained_expert_is_the_richest_of_those_that_violate():
-    judged = [Judgement(mean=r, std=1.0, clean_share=s, clean_return=r, cost=0.0) for r, s in ((9, 0.9), (5, 0.1), (7, 0.4))]
+    judged = [
+        EpisodeMeasures(mean=r, std=1.0, clean_share=s, clean_return=r, cost=0.0) for r, s in ((9, 0.9), (5, 0.1), (7, 0.4))
+    ]
     assert best_free(judged) == 2
     assert best_free(judged[:1]) == 0
 
@@ -159,15 +163,15 @@ def test_a_reference_set_of_rare_violations_has_more_of_the_unconstrained_expert
     expert, free = (make_lagrangian(limited_world(), CONFIG).init(jax.random.key(seed)) for seed in (0, 1))
     whole, judged = reference_set(Scripted(free, violating), expert, free, jax.random.key(0))
     assert len(judged) == groups
-    assert 0.2 <= judge(whole).clean_share <= 0.8
+    assert 0.2 <= measure(whole).clean_share <= 0.8
 
 
 def test_judge_counts_unmasked_steps_only():
     episodes = random_trajectories(tiny_grid(), 0, 4)
     episodes = episodes._replace(cost=1.0 - episodes.mask)
-    assert judge(episodes).clean_share == 1.0
+    assert measure(episodes).clean_share == 1.0
     expected = np.mean([(r * m).sum() for r, m in zip(np.asarray(episodes.reward), np.asarray(episodes.mask), strict=True)])
-    np.testing.assert_allclose(judge(episodes).mean, expected, rtol=1e-5)
+    np.testing.assert_allclose(measure(episodes).mean, expected, rtol=1e-5)
 
 
 def test_an_unconstrained_seed_keeps_the_constraint_until_it_is_released():

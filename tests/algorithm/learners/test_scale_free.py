@@ -1,5 +1,6 @@
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -106,7 +107,7 @@ def test_a_constant_reward_is_not_blown_up():
 
 
 def test_each_network_is_clipped_by_its_own_norm():
-    optimiser = make_optimiser(CONFIG, horizon=4)
+    optimiser: Any = make_optimiser(CONFIG, horizon=4)
     params = Trained(jnp.zeros(2), jnp.zeros(2), jnp.zeros(2))
     small = jnp.asarray([0.1, 0.2])
     grads = Trained(small, 1e6 * small, 1e3 * small)
@@ -118,7 +119,7 @@ def test_each_network_is_clipped_by_its_own_norm():
 
 def test_the_rate_is_zero_after_the_last_update():
     config = replace(CONFIG, iterations=2)
-    optimiser = make_optimiser(config, horizon=4)
+    optimiser: Any = make_optimiser(config, horizon=4)
     updates = 2 * config.ppo.num_epochs * num_minibatches(config, horizon=4)
     params = Trained(jnp.zeros(1), jnp.zeros(1), jnp.zeros(1))
     grads, state = jax.tree.map(jnp.ones_like, params), optimiser.init(params)

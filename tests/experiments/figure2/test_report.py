@@ -123,7 +123,7 @@ def test_the_words_say_what_the_tests_of_located_transitions_support(numbers):
         in text
     )
     assert (
-        "With the 3 transitions whose position is missing counted at (0, 0, 0): the largest rise is from 1 transitions" in text
+        "With the 3 transitions whose position is missing counted at (3, 4, 0): the largest rise is from 1 transitions" in text
     )
     assert (
         "12 transitions at 9 or more" in text and "to expect 4.2 (ratio, 95 % over resampled recordings: 1.50 to 4.00)" in text
@@ -151,7 +151,7 @@ def test_long_transitions_are_rarer_where_the_null_model_has_more_of_them(number
 
 def test_the_table_of_rises_has_a_row_for_each_bin_and_way_of_counting(numbers):
     rows = rise_table(made_up(numbers)).splitlines()[2:8]
-    assert rows[0] == "| counted as (0, 0, 0) | 1 | 1 at 3.5 → 7 at 5.5 | 2.11 | 0.010 | 88 % |"
+    assert rows[0] == "| counted as (3, 4, 0) | 1 | 1 at 3.5 → 7 at 5.5 | 2.11 | 0.010 | 88 % |"
     assert rows[3] == "| left out | 1 | 2 at 3.5 → 9 at 5.5 | 2.11 | 0.200 | 88 % |"
 
 
@@ -184,7 +184,7 @@ def bars(axis: Axes) -> list[float]:
 def test_a_panel_of_distances_has_its_own_counts_trend_and_cumulative_shares(figures, numbers):
     filled, kept, below, last = figures["figure2c_distances"].axes
     assert (filled.get_title(), kept.get_title()) == (
-        *("missing coordinates counted as (0, 0, 0)", "missing coordinates left out"),
+        *("missing coordinates counted as (3, 4, 0)", "missing coordinates left out"),
     )
     assert bars(filled) == numbers.with_missing.counts.tolist()
     assert bars(kept) == numbers.without.counts.tolist()

@@ -6,8 +6,6 @@ from dataclasses import is_dataclass, replace
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from aircl_jax.settings.renamed import old_name
-
 T = TypeVar("T")
 
 _PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "a text"}
@@ -21,9 +19,7 @@ def updated(default: T, values: Mapping[str, Any], prefix: str = "") -> T:
     hints = get_type_hints(type(default))
     for name in values:
         if name not in hints:
-            raise ValueError(
-                old_name(_join(prefix, name)) or f"unknown setting {_join(prefix, name)}; choose from {', '.join(hints)}"
-            )
+            raise ValueError(f"unknown setting {_join(prefix, name)}; choose from {', '.join(hints)}")
     return replace(
         default,  # pyright: ignore[reportArgumentType]
         **{name: _converted(getattr(default, name), hints[name], value, _join(prefix, name)) for name, value in values.items()},
@@ -71,7 +67,7 @@ def _match(annotation: Any, value: Any) -> Any:
     if origin is Literal:
         return value if any(value == choice and type(value) is type(choice) for choice in args) else None
     if origin in (Union, UnionType):
-        return next((found for arg in args if (found := _match(arg, value)) is not None), None)
+        return next((match for arg in args if (match := _match(arg, value)) is not None), None)
     if origin is tuple:
         return _match_tuple(args, value)
     if annotation is float and isinstance(value, (int, float)) and not isinstance(value, bool):
