@@ -1,6 +1,6 @@
 """Plan, evaluate and compare rewards exactly, on the tables of a small world: float64 numpy, states X, actions A, steps T."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -9,6 +9,7 @@ from scipy.special import logsumexp, softmax
 from envs import Tabular
 
 TIE = 1e-6  # actions within this of the best share it evenly
+ROUNDING = 1e-6  # of a probability in float32
 BARRED = -1e3  # stands for −∞ in a logit or a value: a choice of barred actions alone is still one
 
 
@@ -29,7 +30,7 @@ class World(NamedTuple):
     def absorbing(self) -> Bool[np.ndarray, " X"]:
         """Whether no action leads away."""
         states = np.arange(len(self.start))
-        return np.asarray((self.transition[states, :, states] > 1 - TIE).all(axis=-1))
+        return np.asarray((self.transition[states, :, states] > 1 - ROUNDING).all(axis=-1))
 
     @property
     def barred(self) -> Bool[np.ndarray, "X A"]:
@@ -46,13 +47,16 @@ class Outcome(NamedTuple):
 
 
 def world_of(table: Tabular) -> World:
-    transition = np.asarray(table.transition, np.float64)
+    """Read a table in float32 as the decimals that it was made of, so that what ties in the world ties here."""
+    transition, reward, start = (_decimals(array) for array in (table.transition, table.reward, table.start))
     return World(
-        transition / transition.sum(axis=-1, keepdims=True),  # float32 rows sum to 1 only nearly
-        np.asarray(table.reward, np.float64),
-        np.asarray(table.start, np.float64) / float(np.asarray(table.start, np.float64).sum()),
-        np.asarray(table.forbidden) > 0,
+        transition / transition.sum(axis=-1, keepdims=True), reward, start / start.sum(), np.asarray(table.forbidden) > 0
     )
+
+
+def _decimals(array: Any) -> Float[np.ndarray, "..."]:
+    """The shortest decimal that rounds to each number: 0.9925 of the float32 0.99250001."""
+    return np.asarray(array).astype(str).astype(np.float64)
 
 
 def bar(world: World, forbidden: Bool[np.ndarray, " X"], but_staying: bool = False) -> Bool[np.ndarray, "X A"]:
@@ -175,7 +179,7 @@ def reward_distance(world: World, f: Float[np.ndarray, "X A"], r: Float[np.ndarr
 
     one, other = canonical(f), canonical(r)
     length = np.sqrt((one**2).sum() * (other**2).sum())
-    cosine = (one * other).sum() / length if length > TIE**2 else 0.0
+    cosine = (one * other).sum() / length if length > ROUNDING**2 else 0.0
     return float(np.sqrt(max(0.0, (1.0 - cosine) / 2.0)))
 
 

@@ -55,6 +55,12 @@ def test_a_world_has_rows_that_sum_to_one_and_knows_what_absorbs_and_what_is_bar
     assert {tuple(one) for one in np.argwhere(world.barred).tolist()} == {(1, DOWN), (3, RIGHT), (5, LEFT), (7, UP)}
 
 
+def test_a_table_in_float32_is_read_as_the_decimals_it_was_made_of():
+    world, _ = grid(slip=0.01)
+    assert world.transition[0, RIGHT, 1] == 0.9925
+    assert world.reward[0, RIGHT] == 5 * (0.9925 + 0.0025)
+
+
 def test_a_greedy_plan_takes_the_best_and_shares_ties():
     world = corridor()
     # To the end through the middle: 0 + 1 + 2; barred from the middle both actions of state 0 earn nothing, but one is barred.
