@@ -13,7 +13,7 @@ from aircl_jax.analysis import episodes
 from aircl_jax.figures import of_a_run, tasks
 from aircl_jax.figures.curves import label_ends, small_multiples
 from aircl_jax.figures.grids.cells import draw_layout
-from aircl_jax.figures.grids.paths import order_of_zones, visits
+from aircl_jax.figures.grids.paths import cells_of, order_of_zones, visits
 from aircl_jax.figures.robots import step_histograms
 from aircl_jax.figures.style import STYLE, in_words
 from aircl_jax.methods import METHODS, get_method
@@ -184,6 +184,21 @@ def test_start_and_goal_are_named_and_obstacles_are_not():
     _, (axis,) = small_multiples(1)
     draw_layout(axis, Grid(12, (0, 0), (11, 11), {"obstacle": ((5, 5),)}))
     assert [text.get_text() for text in axis.texts] == ["S", "G"]
+
+
+def test_sites_are_named_by_what_they_earn_and_walls_and_tastes_have_a_patch_each():
+    _, (axis,) = small_multiples(1)
+    draw_layout(axis, Grid(3, None, None, {}, sites={(2, 2): 2.5, (0, 2): 1.0}, tastes=((1, 0),), walls=((1, 1), (2, 1))))
+    assert [text.get_text() for text in axis.texts] == ["2.5", "1"]
+    assert len(axis.patches) == 3
+
+
+def test_the_last_move_of_a_path_ends_before_a_wall_and_within_a_site():
+    layout = Grid(3, (0, 0), None, {}, sites={(2, 2): 2.5}, walls=((1, 1),))
+    shown = untrained("aircl_corrected").expert
+    obs = np.eye(9)[np.array([[0, 1], [5, 8], [1, 2]])]
+    paths = shown._replace(obs=obs, action=np.array([[1, 2], [2, 0], [1, 2]]))
+    assert cells_of(paths, layout)[:, -1].tolist() == [1, 8, 5]
 
 
 def test_numbers_in_captions_carry_their_spread_and_unit():
