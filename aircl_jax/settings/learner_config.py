@@ -44,6 +44,8 @@ LEARNERS: dict[str, LearnerConfig] = {"swimmer": LearnerConfig()}
 
 
 def learner_config(env: str, *, constrained: bool = True) -> LearnerConfig:
-    """Return the settings of this robot; without a constraint the seeds practise longer, and keep it at first."""
+    """Return the settings of this robot; without a constraint the seeds practise longer, and keep it mildly at first."""
     config = LEARNERS.get(env, LearnerConfig())
-    return config if constrained else replace(config, iterations=int(2.5 * config.iterations), release=0.3)
+    if constrained:
+        return config
+    return replace(config, iterations=int(2.5 * config.iterations), release=0.3, multiplier_init=1.0, multiplier_rate=0.03)
