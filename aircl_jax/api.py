@@ -23,6 +23,7 @@ from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
 from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
 from aircl_jax.settings.train_config import TrainConfig
+from aircl_jax.transfer.grid import of_a_grid
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
 from envs.animals.data_folder import command_prefix
@@ -90,7 +91,8 @@ def load(run_dir: str | Path) -> Result:
     if directory.finished:
         summary = directory.summary()
     else:
-        summary = summarise(spec, _evaluator(networks, expert, reference)(states), directory.timing())
+        evaluation = _evaluator(networks, expert, reference)(states)
+        summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, directory.timing())
     return _result(spec, networks, states, expert, reference, summary, directory)
 
 
@@ -118,7 +120,7 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
             stopwatch=stopwatch,
             recorders=(record, *recorders),
         )
-        summary = summarise(spec, evaluation, record.timing())
+        summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, record.timing())
         result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
             from aircl_jax.figures import of_a_run

@@ -58,6 +58,20 @@ def gather_grid(result: Result, table: Tabular) -> GridEvidence:
     return GridEvidence(*jax.device_get((*maps, seen)))
 
 
+class LearnedTables(NamedTuple):
+    """f(x, a), δ₁(x, a) and log π(a|x, t) of every seed, on the states X of a finite world."""
+
+    reward: Float[np.ndarray, "S X A"]
+    step_delta: Float[np.ndarray, "S X A"]
+    log_policy: Float[np.ndarray, "S T X A"]
+
+
+def learned_tables(networks: Networks, states: TrainState, table: Tabular) -> LearnedTables:
+    """Evaluate the learned functions on every state, action and step of a finite world."""
+    run = jax.jit(jax.vmap(partial(_tables, networks, table)), compiler_options=ONCE)
+    return LearnedTables(*jax.device_get(run(states)))
+
+
 def infeasible(trajectories: Trajectory) -> Bool[np.ndarray, "*S N"]:
     """Mark the trajectories that have a violation in any unmasked step."""
     return np.asarray((np.asarray(trajectories.cost) * np.asarray(trajectories.mask)).max(axis=-1) > 0)
@@ -73,9 +87,16 @@ def _evidence(networks: Networks, number: int, state: TrainState, reference: Tra
 def _grid_maps(
     networks: Networks, table: Tabular, state: TrainState
 ) -> tuple[Float[Array, "C A"], Float[Array, "C A"], Float[Array, " C"]]:
+    reward, step_delta, _ = _tables(networks, table._replace(obs=jnp.eye(networks.env.obs_size)), state)
+    _, _, log_policy = _tables(networks, table, state)
+    return reward, step_delta, (occupancy(table, log_policy) @ table.obs).mean(axis=0)
+
+
+def _tables(
+    networks: Networks, table: Tabular, state: TrainState
+) -> tuple[Float[Array, "X A"], Float[Array, "X A"], Float[Array, "T X A"]]:
     nets, env = networks.bind(state.params, state.obs_stats), networks.env
     actions = jnp.arange(table.reward.shape[1])
-    cells = jnp.eye(env.obs_size)
 
     def maps(obs: Float[Array, " O"], action: Array) -> tuple[Array, Array]:
         logit = nets.step_logit(obs, action)
@@ -86,9 +107,9 @@ def _grid_maps(
     def log_policy(t: Array, obs: Float[Array, " O"]) -> Array:
         return jax.vmap(lambda action: jnp.asarray(nets.policy(obs, t).log_prob(action)))(actions)
 
-    reward, step_delta = jax.vmap(jax.vmap(maps, (None, 0)), (0, None))(cells, actions)
+    reward, step_delta = jax.vmap(jax.vmap(maps, (None, 0)), (0, None))(table.obs, actions)
     along = jax.vmap(jax.vmap(log_policy, (None, 0)), (0, None))(jnp.arange(env.horizon), table.obs)
-    return reward, step_delta, (occupancy(table, along) @ table.obs).mean(axis=0)
+    return reward, step_delta, along
 
 
 def _expert_occupancy(env: Env, planner: SoftOptimalExpert) -> Float[Array, " C"]:

@@ -1,11 +1,12 @@
-"""The swap test: freeze what was learned, recombine it, train anew: `python -m experiments.swap`.
+"""The swap test: freeze what was learned, recombine it, plan or train anew: `python -m experiments.swap`.
 
-Settings, as NAME=VALUE: worlds (swimmer, pendulum, walker; comma lists, or all), rows (oracle, uniform, random, names of
-methods, and "NAME as it is" for a learned policy without further training; comma lists, or all), seeds (of every row but the
-oracle), oracle_seeds, iterations (0: the learner's own), out and runs (folders), train (false: only write from the cells
-that are there). A finished cell is skipped; what was cut continues.
+Settings, as NAME=VALUE: worlds (gridworld, swimmer; comma lists, or all), rows (oracle, uniform, random, names of methods,
+and "NAME as it is" for a learned policy without further training; comma lists, or all), seeds (of every row but the oracle),
+oracle_seeds, iterations (of training; 0: each one's own), out and runs (folders), train (false: only write from the cells
+that are there). A finished cell is skipped; what was cut continues with the next call.
 """
 
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,21 +16,23 @@ from experiments.cli.command import run_command
 from experiments.cli.words import listed
 
 RESULTS = "results/swap"
-WORLDS = ("swimmer", "pendulum", "walker")
+WORLDS = ("gridworld", "swimmer")
 ROWS = (
     "oracle",
     "uniform",
     "random",
+    "bc",
     "airl_centred",
     "aircl_corrected",
     "aircl_corrected as it is",
     "bc as it is",
 )
+ROWS_OF_GRIDS = ("oracle", "random", "bc", "airl_centred", "aircl_corrected")
 
 
 @dataclass(frozen=True)
 class Settings:
-    worlds: str = "swimmer"
+    worlds: str = "all"
     rows: str = "all"
     seeds: int = 3
     oracle_seeds: int = 10
@@ -44,19 +47,40 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def swap(settings: Settings, words: Sequence[str]) -> None:
-    """Make the cells that are missing."""
+    """Make the cells that are missing, then write the table and the figure."""
+    worlds, rows = listed("worlds", settings.worlds, WORLDS), listed("rows", settings.rows, ROWS)
+    if Path(settings.out).resolve() == Path(RESULTS).resolve() and (settings.iterations or settings.seeds < 3):
+        raise ValueError(f"seeds={settings.seeds} iterations={settings.iterations}: {RESULTS} has whole runs; choose out=DIR")
+    if settings.train:
+        for world in worlds:
+            _grids(settings, rows) if world == "gridworld" else _robot(settings, world, rows)
+    from experiments.swap import report
+
+    for path in report.write(Path(settings.out), shlex.join(["python", "-m", "experiments.swap", *words])):
+        print(f"wrote {path}")
+
+
+def _grids(settings: Settings, rows: Sequence[str]) -> None:
+    from experiments.swap import grid_cells
+
+    study = grid_cells.GridStudy(Path(settings.out), settings.seeds, settings.iterations)
+    for world in (*grid_cells.WORLDS, *grid_cells.CONTROLS):
+        for row in rows:
+            if row in ROWS_OF_GRIDS:
+                grid_cells.cell(study, world, row)
+
+
+def _robot(settings: Settings, world: str, rows: Sequence[str]) -> None:
     from experiments.swap import robot_cells
     from experiments.swap.robot_tests import TESTS
 
-    worlds, rows = listed("worlds", settings.worlds, WORLDS), listed("rows", settings.rows, ROWS)
     study = robot_cells.Study(
         Path(settings.out), Path(settings.runs), settings.oracle_seeds, settings.seeds, settings.iterations
     )
-    for world in worlds:
-        for row in rows:
-            for test in TESTS[world]:
-                if robot_cells.applies(row, test):
-                    robot_cells.cell(study, world, row, test)
+    for row in rows:
+        for test in TESTS[world]:
+            if robot_cells.applies(row, test):
+                robot_cells.cell(study, world, row, test)
 
 
 if __name__ == "__main__":

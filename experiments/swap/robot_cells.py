@@ -71,7 +71,7 @@ def applies(row: str, test: Test) -> bool:
         return True
     if row.endswith(AS_IS):
         return test.reward == "learned" and test.constraint == "learned"
-    return True
+    return row != "bc"  # a clone has nothing to recombine: its policy is tried as it is
 
 
 def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:

@@ -1,0 +1,95 @@
+"""Cells of the swap table on grids: results/swap/gridworld/WORLD/ROW.json, planned exactly on what a run has learned."""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aircl_jax import train
+from aircl_jax.analysis.episodes import learned_tables
+from aircl_jax.transfer.grid import in_every_world, learned
+from aircl_jax.transfer.table_tests import Learned, by_world, case, measures, true_reward
+from envs.layouts import LAYOUTS
+from envs.options import GridOptions
+from envs.registry import options_of
+from experiments.shared.commits import current_commit
+from experiments.shared.kept_files import keep
+
+REWARDS: Mapping[str, Mapping[str, Any]] = {
+    "distance": {"reward": "distance"},
+    "goal": {"reward": "goal"},
+    "sites": {"reward": "sites", "start": "any"},  # from one start most of the world is never seen
+}
+WORLDS: Mapping[str, Mapping[str, Any]] = {
+    f"{layout}, {reward}": {"layout": layout, **settings} for layout in LAYOUTS for reward, settings in REWARDS.items()
+}
+CONTROLS: Mapping[str, Mapping[str, Any]] = {
+    "dislikes": {"obstacles": [], "dislikes": [list(cell) for cell in LAYOUTS["default"].obstacles], "dislike": 3.0},
+    "lapses of 1 %": {"lapse": 0.01},
+    "lapses of 5 %": {"lapse": 0.05},
+}
+ORACLE, RANDOM = "oracle", "random"
+RANDOM_SEEDS = 10
+
+
+@dataclass(frozen=True)
+class GridStudy:
+    """Where cells are kept, and how many seeds and iterations (0: each row's own) the runs have."""
+
+    out: Path
+    seeds: int
+    iterations: int
+
+    def path(self, world: str, row: str) -> Path:
+        return self.out / "gridworld" / world.replace(", ", "_").replace(" ", "_") / f"{row}.json"
+
+
+def cell(study: GridStudy, world: str, row: str) -> Mapping[str, Any]:
+    """Return the finished cell, trained now where it is missing."""
+    path = study.path(world, row)
+    if path.exists():
+        return json.loads(path.read_text())
+    print(f"{row} on {world}", flush=True)
+    settings, commit, started = {**WORLDS, **CONTROLS}[world], current_commit(), time.perf_counter()
+    options: GridOptions = options_of("gridworld", settings)
+    seeds, tables = _learned(study, row, settings, options)
+    rows = [measures(options, one) for one in tables]
+    elsewhere = [by_world(options, one) for one in tables]
+    made = {
+        "env": "gridworld",
+        "world": world,
+        "row": row,
+        "env_settings": settings,
+        "seeds": seeds,
+        "commit": commit,
+        "seconds": round(time.perf_counter() - started, 1),
+        "metrics": {name: [_number(one[name]) for one in rows] for name in rows[0]},
+        "changed_worlds": {name: [list(map(_number, one[name])) for one in elsewhere] for name in elsewhere[0]},
+    }
+    keep(path, made)
+    return made
+
+
+def _learned(study: GridStudy, row: str, settings: Mapping[str, Any], options: GridOptions) -> tuple[list[int], list[Learned]]:
+    """What each seed of a row knows: the truth, nothing, or what it has learned from demonstrations."""
+    world, horizon = case(options).world, case(options).horizon
+    nowhere = np.zeros((horizon, *world.reward.shape))  # no policy is asked for where there is a reward
+    if row == ORACLE:
+        return [0], [Learned(true_reward, world.forbidden, nowhere)]
+    if row == RANDOM:
+        draws = [np.random.default_rng(seed).normal(size=world.reward.shape) for seed in range(RANDOM_SEEDS)]
+        return list(range(RANDOM_SEEDS)), [Learned(in_every_world(reward), None, nowhere) for reward in draws]
+    iterations = study.iterations or "default"
+    result = train("gridworld", row, seeds=study.seeds, iterations=iterations, env_settings=settings)
+    table = result.spec.env.tabular
+    if table is None:
+        raise TypeError("a grid is a table")
+    return list(result.summary["seeds"]), learned(result.spec.method, learned_tables(result.networks, result.states, table))
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), 5) if np.isfinite(value) else None
