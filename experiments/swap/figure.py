@@ -6,7 +6,6 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 
 from aircl_jax.figures.style import DPI, STYLE
@@ -21,7 +20,7 @@ GRID_TESTS = (
     ("S4", "transfer_return", "transfer_violation"),
 )
 MANY = 0.01  # violations beyond this are printed in red
-LOWEST = -0.5  # of the colours
+DARKEST = 1.8  # of the colours: text stays readable on 1
 
 
 def draw(cells: Cells, order: Sequence[str], path: Path) -> None:
@@ -58,8 +57,7 @@ def _panels(cells: Cells, order: Sequence[str]) -> dict[str, tuple[list[str], li
 
 def _panel(axis: Axes, title: str, rows: Sequence[str], tests: Sequence[str], scores: Sequence[Sequence[Score | None]]) -> None:
     values = np.array([[np.nan if score is None else score.mean for score in row] for row in scores])
-    shown = np.clip(values, LOWEST, 1.0)
-    axis.imshow(shown, cmap="RdYlBu", norm=TwoSlopeNorm(0.5, LOWEST, 1.0), aspect="auto", alpha=0.75)
+    axis.imshow(np.clip(values, 0.0, 1.0), cmap="Blues", vmin=0.0, vmax=DARKEST, aspect="auto")
     axis.set_xticks(range(len(tests)), tests)
     axis.set_yticks(range(len(rows)), rows)
     axis.tick_params(length=0)
@@ -73,6 +71,6 @@ def _panel(axis: Axes, title: str, rows: Sequence[str], tests: Sequence[str], sc
         axis.text(column, row - 0.12, f"{value:.2f}", ha="center", va="center", fontsize=7)
         if np.isfinite(score.violation):
             beside = f"×{score.violation:.2f}" if tests[column] == "S1" else f"{100 * score.violation:.1f} %"
-            colour = "firebrick" if score.violation > MANY and tests[column] != "S1" else "0.4"
+            colour = "firebrick" if score.violation > MANY and tests[column] != "S1" else "0.3"
             axis.text(column, row + 0.27, beside, ha="center", va="center", fontsize=5, color=colour)
     axis.spines[:].set_visible(False)

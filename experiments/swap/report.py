@@ -39,14 +39,12 @@ ABOUT = """What was learned is frozen, recombined, and a policy is made anew fro
 robots, without demonstrations, discriminator or clone. 1 is what the same learner earns on the true reward and constraint, 0
 what the uniform policy earns. A reward and a constraint are separately right where a row is near 1 in every column without
 more violations than the truth. Brackets hold 95 % bootstrap intervals over seeds, — a test that was not run."""
-GRIDS = """Means over the four layouts, three seeds (`random`: ten draws). Violations, after the score, are shares of episodes less
-those of the truth's plan. `bc` has no reward: its policy acts as it is. Changed worlds are three other starts, wind .2, slip .2,
-two walls, twice the horizon, and three of these together."""
-APART = (
-    """Here 1 is right for `S1` and `split` (below 1, f itself holds the constraint), 0 for the distance (.71 is unrelated)."""
-)
-ROBOTS = """Violations, after the score, are shares of timesteps. `S1` is the lift: 0 is the return under the constraint and 1 that
-of r alone, and its violations are a multiple of those of r alone. Fresh policies have seeds 9000 and on, those without a
+GRIDS = """Means over the four layouts, three seeds (`random`: ten draws). Violations, after the score, are shares of episodes
+less those of the truth's plan. `bc` has no reward: its policy acts as it is. Changed worlds are three other starts, wind .2,
+slip .2, two walls, twice the horizon, and three of these together."""
+APART = "Here 1 is right for `S1` and `split` (below 1, f holds the constraint), 0 for the distance (.71 is unrelated)."
+ROBOTS = """Violations, after the score, are shares of timesteps. `S1` is the lift: 0 is the return under the constraint, 1 that
+of r alone; its violations are a multiple of those of r alone. Fresh policies have seeds 9000 and on, those without a
 constraint 9100 and on; a learned seed serves one fresh seed."""
 
 
