@@ -24,7 +24,7 @@ from aircl_jax import make_env
 from aircl_jax.analysis.gait import gait_of
 from aircl_jax.reports import markdown
 from aircl_jax.settings.learner_config import learner_config
-from aircl_jax.transfer.fresh import episodes
+from aircl_jax.transfer.fresh import Fresh, episodes
 from aircl_jax.transfer.objectives import Part, no_cost, objective, world_cost
 from aircl_jax.transfer.swap import EPISODE_SEED, recombine
 from aircl_jax.types import Trajectory
@@ -100,7 +100,9 @@ def _cell(settings: Settings, name: str) -> None:
     cost = world_cost() if task.constrained else no_cost()
     swapped = recombine(world, objective(in_unit(unit), cost), seeds, config, task.constrained)
     spent = {"wall_s": time.perf_counter() - started, "cpu_s_per_seed": (time.process_time() - busy) / len(seeds)}
-    drawn = episodes(swapped.fresh, world, 16, jax.random.key(EPISODE_SEED))
+    if not isinstance(swapped.made, Fresh):
+        raise TypeError(f"{name} is a task of a robot")
+    drawn = episodes(swapped.made, world, 16, jax.random.key(EPISODE_SEED))
     of_seed = [jax.tree.map(lambda leaf, i=i: leaf[i], drawn) for i in range(len(seeds))]
     steps = config.iterations * config.num_trajectories * world.horizon * (1 + (config.candidates - 1) * config.trial)
     made = {

@@ -235,6 +235,11 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
     )
 
 
+def categorical(probabilities: Float[Array, " A"]) -> distrax.Distribution:
+    """Return the distribution over actions with these probabilities."""
+    return distrax.Categorical(probs=probabilities)
+
+
 def project_log_std(params: Any, config: PPOConfig) -> Any:
     """log σ moved back into its bounds after an update; clipped inside the network it would lose its gradient there."""
     if "log_std" not in params["params"]:

@@ -1,18 +1,24 @@
 """Measure a run on a grid by the swap tests, from what its networks have learned."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from aircl_jax.analysis import exact
 from aircl_jax.analysis.episodes import LearnedTables, learned_tables
-from aircl_jax.analysis.exact import World
+from aircl_jax.analysis.exact import Outcome, World
 from aircl_jax.methods import Method
 from aircl_jax.model.networks import Networks
+from aircl_jax.runs.result import Result
 from aircl_jax.runs.spec import RunSpec
 from aircl_jax.transfer.table_tests import FORBIDDEN_BELOW, Learned, measures
 from aircl_jax.types import TrainState
+from envs import Tabular
+from envs.layouts import LAYOUTS
 from envs.options import GridOptions
 from envs.registry import options_of
 
@@ -34,6 +40,55 @@ def grid_options(spec: RunSpec) -> GridOptions | None:
     """Return the settings of a run on a named grid; None for other worlds."""
     options: Any = options_of(spec.env.name, spec.env_settings) if spec.named else None
     return options if isinstance(options, GridOptions) else None
+
+
+def named_grid(settings: Mapping[str, Any], named: Mapping[str, str]) -> dict[str, Any]:
+    """Put a reward and a layout's obstacles into a grid's settings. Raises ValueError for a layout that has another size."""
+    changed = {name: value for name, value in settings.items() if name != "constraint"}
+    if "reward" in named:
+        changed |= {"goal": "default", "horizon": "default", "reward_scale": GridOptions.reward_scale, "dislikes": ()}
+    if "constraint" in named:
+        sizes = {name: layout.size for name, layout in LAYOUTS.items()}
+        fitting = [name for name, size in sizes.items() if size == settings["size"]]
+        if named["constraint"] not in fitting:
+            raise ValueError(f"unknown constraint {named['constraint']!r} of this grid; choose from {', '.join(fitting)}, none")
+        changed["obstacles"] = LAYOUTS[named["constraint"]].obstacles
+    return changed
+
+
+def swap_table(
+    result: Result, reward: Any, constraint: Any, table: Tabular, horizon: int
+) -> tuple[Float[np.ndarray, "S T X A"], list[Outcome]]:
+    """Plan greedily on a recombination in a finite world, for each learned seed; `reward` and `constraint` as in `swap`."""
+    method, own = result.spec.method, result.spec.env.tabular
+    if own is None or own.obs.shape != table.obs.shape:
+        raise ValueError(f"env={result.spec.env.name} and the world to act in have not the same states; choose one that has")
+    if reward is None and not method.learns_reward:
+        raise ValueError(f"method={result.spec.method_name} learns no reward to swap; choose reward=NAME or a function")
+    if constraint is None and not method.tests_steps:
+        raise ValueError(f"method={result.spec.method_name} has no δ₁ to swap; choose constraint=NAME or a function")
+    world, plans = exact.world_of(table), []
+    for seed in learned(method, learned_tables(result.networks, result.states, own)):
+        paid = seed.reward(world) if reward is None and seed.reward else _on_steps(reward, table, world.reward)
+        if constraint is None and seed.forbids is not None:
+            barred = exact.bar(world, seed.forbids, but_staying=True)
+        elif constraint == "none":
+            barred = None
+        else:
+            barred = _on_steps(constraint, table, world.barred.astype(float)) >= FORBIDDEN_BELOW
+            barred = (
+                barred if isinstance(constraint, str) else exact.bar(world, np.asarray(barred.all(axis=-1)), but_staying=True)
+            )
+        plans.append(exact.hard_plan(world.transition, paid, horizon, barred))
+    return np.array(plans), [exact.evaluate(*world, plan) for plan in plans]
+
+
+def _on_steps(choice: Any, table: Tabular, known: Float[np.ndarray, "X A"]) -> Float[np.ndarray, "X A"]:
+    """Evaluate a function of (obs, action) on every state and action; under a name it is the world's own, which is known."""
+    if isinstance(choice, str):
+        return known
+    actions = jnp.arange(known.shape[1])
+    return np.asarray(jax.vmap(jax.vmap(choice, (None, 0)), (0, None))(table.obs, actions), float)
 
 
 def in_every_world(reward: Float[np.ndarray, "X A"]) -> Callable[[World], Float[np.ndarray, "X A"]]:

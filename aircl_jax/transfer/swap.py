@@ -11,10 +11,12 @@ from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.learners.scale_free import bound
 from aircl_jax.algorithm.masks import mean_over_steps
+from aircl_jax.model.networks import categorical
 from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from aircl_jax.transfer import objectives
 from aircl_jax.transfer.fresh import Fresh, episodes, train_fresh
+from aircl_jax.transfer.grid import grid_options, named_grid, swap_table
 from aircl_jax.transfer.objectives import OfStep, Part
 from aircl_jax.types import Trajectory
 from envs import Box, Env, make_env
@@ -26,17 +28,19 @@ NONE = "none"  # the name of no constraint
 
 @dataclass(frozen=True, eq=False)
 class SwapResult:
-    """Fresh policies on a recombined (reward, constraint), and what they earn by the truth of the world they act in."""
+    """New policies on a recombined (reward, constraint), and what they earn by the truth of the world they act in."""
 
     world: Env  # its reward and cost are the truth of `metrics`
-    fresh: Fresh
-    seeds: tuple[int, ...]
+    made: Fresh | Float[np.ndarray, "S T X A"]  # trained, or planned on tables
+    seeds: tuple[int, ...]  # of training; of the learned parts where policies are planned
     metrics: Mapping[str, list[float]]  # per seed: return, violation_rate (of steps), infeasible_share (of episodes)
 
     def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
-        """Return the fresh π(·|s_t) of the seed at this place, a distrax distribution over actions."""
-        state = jax.tree.map(lambda leaf: leaf[index], self.fresh.states)
-        return bound(self.fresh.nets, state).policy(obs, jnp.asarray(t))
+        """Return the new π(·|s_t) of the seed at this place, a distrax distribution over actions."""
+        if isinstance(self.made, Fresh):
+            state = jax.tree.map(lambda leaf: leaf[index], self.made.states)
+            return bound(self.made.nets, state).policy(obs, jnp.asarray(t))
+        return categorical(jnp.asarray(obs) @ jnp.asarray(self.made[index, t], jnp.float32))
 
 
 def swap(
@@ -49,21 +53,33 @@ def swap(
     first_seed: int = 0,
     config: LearnerConfig | None = None,
 ) -> SwapResult:
-    """Train fresh policies on a recombination: no demonstrations, no discriminator, no cloning.
+    """Make policies anew on a recombination: no demonstrations, no discriminator, no cloning.
 
-    `reward` and `constraint` are what the run learned (None), the world's own under a name (a value of env.reward, of
-    env.constraint, `world` for that of `env`, `none` for no constraint), or functions of (obs, action): a reward, and a
-    cost between 0 and 1. `env` is the world to act in, by default the run's. Measures are by that world's truth.
+    `reward` and `constraint` are what the run learned (None), known ones under a name (a value of env.reward; of
+    env.constraint, or a layout of the grid; `world` for that of `env`; `none` for no constraint), or functions of
+    (obs, action): a reward, and a cost between 0 and 1. `env` is the world to act in, by default the run's. Measures are
+    by that world's truth.
+
+    On robots `seeds` fresh policies are trained by the learner of docs/learner.md. On grids one policy is planned exactly
+    for each learned seed, and the last three arguments say nothing.
 
     Raises:
         ValueError: in one line, where the run learned no such part, or the world has no such name.
     """
-    world = _world(result, reward, constraint) if env is None else env
-    if not isinstance(world.action_space, Box):
-        raise ValueError(f"env={world.name}: fresh policies are trained on robots; tables are planned by swap_table")
     for setting, named in (("reward", reward), ("constraint", constraint)):
         if env is not None and isinstance(named, str) and named not in ("world", NONE):
             raise ValueError(f"{setting}={named!r} beside an Env, which has its own; choose world or a function")
+    world = _world(result, reward, constraint) if env is None else env
+    if world.tabular is not None:
+        planned, outcomes = swap_table(result, reward, constraint, world.tabular, world.horizon)
+        metrics = {
+            "return": [outcome.expected_return for outcome in outcomes],
+            "violation_rate": [outcome.violating_steps for outcome in outcomes],
+            "infeasible_share": [outcome.violating_episodes for outcome in outcomes],
+        }
+        return SwapResult(world, planned, tuple(result.summary["seeds"]), metrics)
+    if not isinstance(world.action_space, Box):
+        raise ValueError(f"env={world.name} is neither a table nor a robot; choose a world of one of these kinds")
     paid = _part(reward, objectives.world_reward, lambda: objectives.learned_reward(result, seeds))
     cost = (
         objectives.no_cost()
@@ -111,13 +127,15 @@ def _world(result: Result, reward: Any, constraint: Any) -> Env:
     named = {
         name: value
         for name, value in (("reward", reward), ("constraint", constraint))
-        if isinstance(value, str) and value != "world"
+        if isinstance(value, str) and value not in ("world", NONE)
     }
     if not named:
         return result.spec.env
     if not result.spec.named:
         raise ValueError(f"env={result.spec.env.name} was given as an Env; choose env=Env with those wanted")
     settings = {**result.spec.env_settings, **named}
+    if grid_options(result.spec) is not None:
+        return make_env(result.spec.env.name, **named_grid(settings, named))
     if "constraint" in named:
         settings["limit"] = "default"
     return make_env(result.spec.env.name, **settings)

@@ -1,6 +1,6 @@
 """The swap test: freeze what was learned, recombine it, plan or train anew: `python -m experiments.swap`.
 
-Settings, as NAME=VALUE: worlds (gridworld, swimmer; comma lists, or all), rows (oracle, uniform, random, names of methods,
+Settings, as NAME=VALUE: run_dir (a run to test by itself, with the oracle beside it; its cells go to RUN_swap), or worlds (gridworld, swimmer; comma lists, or all), rows (oracle, uniform, random, names of methods,
 and "NAME as it is" for a learned policy without further training; comma lists, or all), seeds (of every row but the oracle),
 oracle_seeds, iterations (of training; 0: each one's own), out and runs (folders), train (false: only write from the cells
 that are there). A finished cell is skipped; what was cut continues with the next call.
@@ -32,6 +32,7 @@ ROWS_OF_GRIDS = ("oracle", "random", "bc", "airl_centred", "aircl_corrected")
 
 @dataclass(frozen=True)
 class Settings:
+    run_dir: str = ""
     worlds: str = "all"
     rows: str = "all"
     seeds: int = 3
@@ -48,6 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def swap(settings: Settings, words: Sequence[str]) -> None:
     """Make the cells that are missing, then write the table and the figure."""
+    if settings.run_dir:
+        _of_a_run(settings, shlex.join(["python", "-m", "experiments.swap", *words]))
+        return
     worlds, rows = listed("worlds", settings.worlds, WORLDS), listed("rows", settings.rows, ROWS)
     if Path(settings.out).resolve() == Path(RESULTS).resolve() and (settings.iterations or settings.seeds < 3):
         raise ValueError(f"seeds={settings.seeds} iterations={settings.iterations}: {RESULTS} has whole runs; choose out=DIR")
@@ -58,6 +62,39 @@ def swap(settings: Settings, words: Sequence[str]) -> None:
 
     for path in report.write(Path(settings.out), shlex.join(["python", "-m", "experiments.swap", *words])):
         print(f"wrote {path}")
+
+
+def _of_a_run(settings: Settings, command: str) -> None:
+    """Print a grid run's measures; of a robot's, make the cells of its method, of the oracle and of the uniform policy."""
+    from aircl_jax import load
+    from aircl_jax.reports.markdown import table
+    from aircl_jax.reports.summary import MEANINGS, statistics
+    from aircl_jax.transfer.grid import of_a_grid
+    from experiments.swap import report, robot_cells
+    from experiments.swap.robot_tests import TESTS
+
+    result = load(settings.run_dir)
+    env, method = result.spec.env.name, result.spec.method_name
+    if measures := of_a_grid(result.spec, result.networks, result.states):
+        rows = [(name, *map(_short, statistics(values)["per_seed"]), MEANINGS[name]) for name, values in measures.items()]
+        print(table(("measure", *(f"seed {seed}" for seed in result.summary["seeds"]), "what"), rows, aligned=True))
+        return
+    if env not in TESTS or result.spec.env.shipped_demonstrations is None:
+        raise ValueError(
+            f"run_dir={settings.run_dir} is on env={env} with its own settings; choose a run on a grid or a shipped task"
+        )
+    out = Path(f"{settings.run_dir.rstrip('/')}_swap")
+    study = robot_cells.Study(out, out, settings.seeds, settings.seeds, settings.iterations, result)
+    for row in ("oracle", "uniform", method, f"{method} as it is"):
+        for test in TESTS[env]:
+            if robot_cells.applies(row, test):
+                robot_cells.cell(study, env, row, test)
+    for path in report.write(out, command):
+        print(f"wrote {path}")
+
+
+def _short(value: float | None) -> str:
+    return "—" if value is None else f"{value:.3g}"
 
 
 def _grids(settings: Settings, rows: Sequence[str]) -> None:

@@ -17,6 +17,7 @@ from aircl_jax.model.networks import BoundNetworks, make_networks
 from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import learner_config
 from aircl_jax.transfer import objectives
+from aircl_jax.transfer.fresh import Fresh
 from aircl_jax.transfer.swap import EPISODE_SEED, EPISODES, SwapResult, measure, recombine
 from aircl_jax.types import Trajectory
 from envs import Env
@@ -39,6 +40,7 @@ class Study:
     oracle_seeds: int
     seeds: int
     iterations: int  # of fresh policies; 0: the learner's own
+    result: Result | None = None  # a finished run in place of the rows' own
 
     def path(self, env: str, row: str, test: str) -> Path:
         return self.out / env / row.replace(" ", "_") / f"{test.replace(' ', '_')}.json"
@@ -116,6 +118,8 @@ def _parts(study: Study, env: str, row: str, test: Test, number: int, world: Any
 
 def _trained(study: Study, env: str, method: str) -> Result:
     """The run of a row of `METHODS` with its own settings, which resumes where it was cut."""
+    if study.result is not None:
+        return study.result
     directory = study.runs / env / method
     return train(env, method, seeds=study.seeds, run_dir=directory, resume=True)
 
@@ -169,7 +173,9 @@ def _played(world: Env, act: Callable[[Array, Array, Array], Array], number: int
 
 def _curve(swapped: SwapResult, points: int = 20) -> dict[str, list]:
     """Thin the return and the cost by the policy's own (reward, cost) to a few iterations."""
-    history = swapped.fresh.history
+    if not isinstance(swapped.made, Fresh):
+        return {}
+    history = swapped.made.history
     length = len(history["return"])
     rows = sorted({round(i * (length - 1) / points) for i in range(points + 1)})
     shown = ("return", "cost")
