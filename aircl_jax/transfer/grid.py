@@ -75,10 +75,11 @@ def swap_table(
         elif constraint == "none":
             barred = None
         else:
-            barred = _on_steps(constraint, table, world.barred.astype(float)) >= FORBIDDEN_BELOW
-            barred = (
-                barred if isinstance(constraint, str) else exact.bar(world, np.asarray(barred.all(axis=-1)), but_staying=True)
-            )
+            costly = _on_steps(constraint, table, world.barred.astype(float)) >= FORBIDDEN_BELOW
+            cells = np.asarray(
+                costly.all(axis=-1)
+            )  # a function speaks of the cell one is in, a world's bar of the move into it
+            barred = costly if isinstance(constraint, str) else exact.bar(world, cells, but_staying=True)
         plans.append(exact.hard_plan(world.transition, paid, horizon, barred))
     return np.array(plans), [exact.evaluate(*world, plan) for plan in plans]
 

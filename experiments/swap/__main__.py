@@ -1,9 +1,10 @@
 """The swap test: freeze what was learned, recombine it, plan or train anew: `python -m experiments.swap`.
 
-Settings, as NAME=VALUE: run_dir (a run to test by itself, with the oracle beside it; its cells go to RUN_swap), or worlds (gridworld, swimmer; comma lists, or all), rows (oracle, uniform, random, names of methods,
-and "NAME as it is" for a learned policy without further training; comma lists, or all), seeds (of every row but the oracle),
-oracle_seeds, iterations (of training; 0: each one's own), out and runs (folders), train (false: only write from the cells
-that are there). A finished cell is skipped; what was cut continues with the next call.
+Settings, as NAME=VALUE: run_dir (a run to test by itself, with the oracle beside it; its cells go to RUN_swap), or worlds
+(gridworld, swimmer; comma lists, or all) and rows (oracle, uniform, random, names of methods, and "NAME as it is" for a learned
+policy without further training; comma lists, or all); seeds (of every row but the oracle), oracle_seeds, iterations (of
+training; 0: each one's own), out and runs (folders), train (false: only write from the cells that are there). A finished cell
+is skipped; what was cut continues with the next call.
 """
 
 import shlex
@@ -80,9 +81,7 @@ def _of_a_run(settings: Settings, command: str) -> None:
         print(table(("measure", *(f"seed {seed}" for seed in result.summary["seeds"]), "what"), rows, aligned=True))
         return
     if env not in TESTS or result.spec.env.shipped_demonstrations is None:
-        raise ValueError(
-            f"run_dir={settings.run_dir} is on env={env} with its own settings; choose a run on a grid or a shipped task"
-        )
+        raise ValueError(f"run_dir={settings.run_dir} is neither on a grid nor on a shipped task; choose one that is")
     out = Path(f"{settings.run_dir.rstrip('/')}_swap")
     study = robot_cells.Study(out, out, settings.seeds, settings.seeds, settings.iterations, result)
     for row in ("oracle", "uniform", method, f"{method} as it is"):

@@ -4,22 +4,21 @@ Against `lagrangian`, by which the shipped experts were trained: the reward is d
 clipped by itself, a part of the rollouts goes on from where earlier ones ended, and both critics bootstrap at the end.
 """
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import optax
 from jax.tree_util import Partial
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from aircl_jax.algorithm.learners import ppo
-from aircl_jax.algorithm.learners.lagrangian import Moments, lagrangian_advantage, next_multiplier, observe, stats_of
+from aircl_jax.algorithm.learners.lagrangian import Moments, next_multiplier, observe, stats_of
+from aircl_jax.algorithm.learners.scale_free_update import Trained, make_batch, make_optimiser, update
 from aircl_jax.algorithm.masks import masked_mean
 from aircl_jax.algorithm.rollout import rollout_from
 from aircl_jax.methods import Method
-from aircl_jax.model.networks import BoundNetworks, Networks, make_networks, project_log_std
+from aircl_jax.model.networks import BoundNetworks, Networks, make_networks
 from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, Params, Thresholds, Trajectory
@@ -36,14 +35,6 @@ class Task(NamedTuple):
 
     objective: Objective  # a `jax.tree_util.Partial`: what it holds may differ from seed to seed
     constrained: Float[Array, ""]  # 1, or 0: the cost does not count after `release`
-
-
-class Trained(NamedTuple):
-    """The parameters that gradients move."""
-
-    policy: Any
-    value: Any  # V_r
-    cost_value: Any  # V_c
 
 
 class Spread(NamedTuple):
@@ -64,18 +55,6 @@ class LearnerState(NamedTuple):
     ends: tuple[Any, Float[Array, "N O"]]  # where the last rollouts ended
     key: PRNGKeyArray
     step: Int[Array, ""]
-
-
-class Batch(NamedTuple):
-    """Single steps with their advantage and both critics' targets, [B, …]."""
-
-    obs: Float[Array, "B O"]
-    action: Float[Array, "B A"]
-    log_prob: Float[Array, " B"]
-    advantage: Float[Array, " B"]
-    target: Float[Array, " B"]
-    cost_target: Float[Array, " B"]
-    mask: Float[Array, " B"]
 
 
 class Learner(NamedTuple):
@@ -128,7 +107,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
         batch = make_batch(acting, state.trained.cost_value, trajectories, ends[1], paid, cost, multiplier, config)
         highest = jnp.where(task.constrained > 0, config.ppo.log_std_max, config.released_log_std_max)
         bounded_std = replace(config, ppo=replace(config.ppo, log_std_max=highest))
-        trained, opt, metrics = update(acting, state, batch, key_update, optimiser, bounded_std)
+        trained, opt, metrics = update(acting, state.trained, state.opt, batch, key_update, optimiser, bounded_std)
         violations = (cost * trajectories.mask).sum(axis=1).mean()
         state = LearnerState(
             trained,
@@ -149,21 +128,6 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
         }
 
     return Learner(init, step, nets)
-
-
-def make_optimiser(config: LearnerConfig, horizon: int) -> optax.GradientTransformation:
-    """Adam with a rate that falls to 0; each network's gradient is clipped by its own norm."""
-    clips: dict[Hashable, optax.GradientTransformation] = {
-        name: optax.clip_by_global_norm(config.ppo.max_grad_norm) for name in Trained._fields
-    }
-    updates = config.ppo.num_epochs * num_minibatches(config, horizon)
-    rate = optax.linear_schedule(float(config.ppo.learning_rate), 0.0, config.iterations * updates)
-    return optax.chain(optax.partition(clips, Trained(*Trained._fields)), optax.adam(rate, eps=1e-5))
-
-
-def num_minibatches(config: LearnerConfig, horizon: int) -> int:
-    """How many minibatches of about `minibatch_size` steps an iteration's rollouts make."""
-    return max(1, config.num_trajectories * horizon // config.ppo.minibatch_size)
 
 
 def bound(nets: Networks, state: LearnerState) -> BoundNetworks:
@@ -202,84 +166,3 @@ def normalised(
     mean_square = spread.mean_square + (masked_mean(centred**2, mask) - spread.mean_square) / number
     scaled = config.reward_spread * (centred / jnp.maximum(jnp.sqrt(mean_square), 1e-12) + config.alive_bonus)
     return scaled, Spread(number, mean_square)
-
-
-def make_batch(
-    acting: BoundNetworks,
-    cost_critic: Any,
-    trajectories: Trajectory,
-    last_obs: Float[Array, "N O"],
-    reward: Float[Array, "N T"],
-    cost: Float[Array, "N T"],
-    multiplier: Float[Array, ""],
-    config: LearnerConfig,
-) -> Batch:
-    """All steps with Â = (Â_r / std Â_r − λ Â_c) / (1 + λ) and the targets V + Â of both critics."""
-    mask, cost_critic = trajectories.mask, acting.with_params(value=cost_critic)
-    cost_value = jax.vmap(cost_critic.values)(trajectories)
-    last_cost = jax.vmap(lambda obs: cost_critic.value(obs, jnp.asarray(acting.env.horizon)))(last_obs)
-    estimate = jax.vmap(ppo.gae, (0, 0, 0, 0, None, None))
-    gain = estimate(reward, trajectories.value, trajectories.bootstrap, mask, config.ppo.discount, config.ppo.gae_lambda)
-    cost_gain = estimate(cost, cost_value, last_cost * mask[:, -1], mask, config.cost_discount, config.ppo.gae_lambda)
-    advantage = lagrangian_advantage(gain, cost_gain, mask, multiplier)
-    steps = Batch(
-        trajectories.obs,
-        trajectories.action,
-        trajectories.log_prob,
-        advantage,
-        trajectories.value + gain,
-        cost_value + cost_gain,
-        mask,
-    )
-    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:]), steps)
-
-
-def loss(trained: Trained, acting: BoundNetworks, batch: Batch, config: LearnerConfig) -> tuple[Array, Metrics]:
-    """−surrogate + value_coef · ½ ((V_r − target)² + (V_c − cost target)²), means over unmasked steps."""
-    nets, cost_critic = (
-        acting.with_params(policy=trained.policy, value=trained.value),
-        acting.with_params(value=trained.cost_value),
-    )
-    now = jnp.zeros((), jnp.int32)  # no network sees t: nothing here ends at the horizon
-
-    def one(step: Batch) -> tuple[Array, Array, Array]:
-        log_prob = jnp.asarray(nets.policy(step.obs, now).log_prob(step.action))
-        return log_prob, nets.value(step.obs, now), cost_critic.value(step.obs, now)
-
-    log_prob, value, cost_value = jax.vmap(one)(batch)
-    surrogate = ppo.clipped_surrogate(log_prob, batch.log_prob, batch.advantage, config.ppo.clip_eps)
-    errors = (value - batch.target) ** 2 + (cost_value - batch.cost_target) ** 2
-    value_loss = 0.5 * masked_mean(errors, batch.mask)
-    kl = masked_mean(batch.log_prob - log_prob, batch.mask)
-    total = -masked_mean(surrogate, batch.mask) + config.ppo.value_coef * value_loss
-    return total, {"value_loss": value_loss, "approx_kl": kl}
-
-
-def update(
-    acting: BoundNetworks,
-    state: LearnerState,
-    batch: Batch,
-    key: PRNGKeyArray,
-    optimiser: optax.GradientTransformation,
-    config: LearnerConfig,
-) -> tuple[Trained, Any, Metrics]:
-    """`num_epochs` passes over the steps in shuffled minibatches."""
-    number = batch.mask.size
-    minibatches = num_minibatches(config, acting.env.horizon)
-
-    def minibatch_step(carry: tuple[Trained, Any], index: Array) -> tuple[tuple[Trained, Any], Metrics]:
-        trained, opt = carry
-        minibatch = jax.tree.map(lambda leaf: leaf[index], batch)
-        grads, metrics = jax.grad(loss, has_aux=True)(trained, acting, minibatch, config)
-        updates, opt = optimiser.update(grads, opt)
-        moved = jax.tree.map(jnp.add, trained, updates)
-        return (moved._replace(policy=project_log_std(moved.policy, config.ppo)), opt), metrics
-
-    def epoch(carry: tuple[Trained, Any], key_epoch: PRNGKeyArray) -> tuple[tuple[Trained, Any], Metrics]:
-        size = number // minibatches
-        order = jax.random.permutation(key_epoch, number)[: minibatches * size]
-        return jax.lax.scan(minibatch_step, carry, order.reshape(minibatches, size))
-
-    keys = jax.random.split(key, config.ppo.num_epochs)
-    (trained, opt), metrics = jax.lax.scan(epoch, (state.trained, state.opt), keys)
-    return trained, opt, {name: values[-1].mean() for name, values in metrics.items()}

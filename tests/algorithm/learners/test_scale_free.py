@@ -12,16 +12,13 @@ from aircl_jax.algorithm.learners.scale_free import (
     TRUE,
     Spread,
     Task,
-    Trained,
     bound,
     falls,
-    make_batch,
     make_learner,
-    make_optimiser,
     normalised,
-    num_minibatches,
     practise,
 )
+from aircl_jax.algorithm.learners.scale_free_update import Trained, make_batch, make_optimiser, num_minibatches
 from aircl_jax.settings.learner_config import LEARNERS, LearnerConfig, learner_config
 from aircl_jax.settings.train_config import PPOConfig
 from envs import Box, Step
@@ -182,13 +179,13 @@ def test_unconstrained_seeds_have_a_lower_bound_of_their_own_on_the_noise():
 
 @pytest.mark.parametrize("factor", [1 / 3, 3.0])
 def test_learns_to_stay_below_the_limit_whatever_the_unit(factor):
-    learner = make_learner(limited_world(), replace(CONFIG, cost_budget=0.05))
+    learner = make_learner(limited_world(), replace(CONFIG, cost_budget=0.3, multiplier_init=1.0, multiplier_rate=0.1))
     state = learner.init(jax.random.key(0))
     state, metrics = jax.jit(
         lambda state: jax.lax.scan(lambda state, _: learner.step(state, task(scaled(factor))), state, length=200)
     )(state)
-    assert metrics["cost"][-20:].mean() < 0.3  # of 6 steps; an unconstrained policy violates in all
-    assert metrics["return"][-20:].mean() / factor > 6 * 0.2
+    assert metrics["cost"][-20:].mean() < 0.6  # of 6 steps; an unconstrained policy violates in all
+    assert metrics["return"][-20:].mean() / factor > 6 * 0.2  # of at most 0.5 a step without a violation
 
 
 def test_every_robot_has_one_setting_and_longer_practice_without_a_constraint():
