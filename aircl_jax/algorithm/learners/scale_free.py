@@ -74,7 +74,12 @@ TRUE = Partial(true_objective)
 
 
 def make_learner(env: Env, config: LearnerConfig) -> Learner:
-    """Make the learner's two functions: max_π E Σ (r − β log π) subject to E Σ c ≤ d, with r and c by the task."""
+    """Make the learner's two functions: max_π E Σ (r − β log π) subject to E Σ c ≤ d, with r and c by the task.
+
+    Raises ValueError where the world's task ends at the horizon: both critics bootstrap there, and see no time.
+    """
+    if env.finite_horizon:
+        raise ValueError(f"env={env.name} ends at its horizon; choose a world that goes on, or a table and train.learner=exact")
     nets = make_networks(env, _NETWORKS, TrainConfig(hidden=config.hidden, ppo=config.ppo))
     optimiser = make_optimiser(config, env.horizon)
     world = restarting(env, fall_cost=0.0) if config.restart else env
