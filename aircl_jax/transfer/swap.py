@@ -62,7 +62,7 @@ def swap(
     if not isinstance(world.action_space, Box):
         raise ValueError(f"env={world.name}: fresh policies are trained on robots; tables are planned by swap_table")
     for setting, named in (("reward", reward), ("constraint", constraint)):
-        if env is not None and isinstance(named, str) and named not in ("world", NONE):
+        if env is not None and isinstance(named, str) and named != "world" and (setting, named) != ("constraint", NONE):
             raise ValueError(f"{setting}={named!r} beside an Env, which has its own; choose world or a function")
     paid = _part(reward, objectives.world_reward, lambda: objectives.learned_reward(result, seeds))
     cost = (
@@ -107,11 +107,11 @@ def _part(choice: Any, world: Callable[[], Part], learned: Callable[[], Part]) -
 
 
 def _world(result: Result, reward: Any, constraint: Any) -> Env:
-    """The run's world, with the named reward and constraint in place of its own."""
+    """The run's world, with the named reward and constraint in place of its own: that of `none` stays, to be judged by."""
     named = {
         name: value
         for name, value in (("reward", reward), ("constraint", constraint))
-        if isinstance(value, str) and value != "world"
+        if isinstance(value, str) and value != "world" and (name, value) != ("constraint", NONE)
     }
     if not named:
         return result.spec.env
