@@ -141,4 +141,6 @@ def random_episodes(env: Env, seed: int, number: int) -> Trajectory:
         "bootstrap": np.zeros(number),
     }
     zeros = jnp.zeros(shape)
-    return Trajectory(**{"log_prob": zeros, "value": zeros} | {name: jnp.asarray(one, jnp.float32) for name, one in drawn.items()})
+    return Trajectory(
+        **{"log_prob": zeros, "value": zeros} | {name: jnp.asarray(one, jnp.float32) for name, one in drawn.items()}
+    )

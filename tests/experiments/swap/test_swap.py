@@ -45,7 +45,10 @@ def asked(monkeypatch):
         (["rows=best"], "unknown rows 'best'; choose from oracle"),
         (["seeds=two"], "seeds=two is not an integer"),
         (["iterations=5"], "results/swap has whole runs; choose out=DIR"),
-        (["seeds=2"], "seeds=2 iterations=0: results/swap has whole runs"),
+        (["seeds=2"], "seeds=2 oracle_seeds=10 iterations=0: results/swap has whole runs"),
+        (["oracle_seeds=9"], "oracle_seeds=9 iterations=0: results/swap has whole runs"),
+        (["seeds=0", "out=elsewhere"], "seeds=0"),
+        (["iterations=-1", "out=elsewhere"], "iterations=-1"),
     ],
 )
 def test_a_wrong_setting_is_one_line_and_2_and_nothing_is_made(words, said, asked, capsys):
