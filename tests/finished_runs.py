@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import matplotlib as mpl
 import numpy as np
 
@@ -16,6 +17,8 @@ from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.summary import MEANINGS, summarise
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.spec import make_spec
+from aircl_jax.types import ObsStats, TrainState, Trajectory
+from envs import Env
 from experiments.table1 import cells
 from experiments.table1.cells import COLUMNS, ROWS, Cell, Job, Study
 from tests.worlds import TINY, UNOPTIMISED
@@ -97,4 +100,47 @@ def untrained(method: str) -> Result:
         expert=expert,
         reference=reference,
         run_dir=None,
+    )
+
+
+@cache
+def untrained_robot(method: str, seeds: int = 2) -> Result:
+    """Seeds of a swimmer of eight steps with random weights, and demonstrations that are noise."""
+    spec = make_spec(
+        "swimmer",
+        method,
+        contrast_prior="method",
+        seeds=seeds,
+        first_seed=0,
+        iterations=1,
+        demonstrations="default",
+        env_settings={"horizon": 8},
+        config=replace(TINY, hidden=(4,)),
+    )
+    nets, random = make_networks(spec.env, spec.method, spec.config), np.random.default_rng(0)
+    shapes = jax.eval_shape(jax.vmap(nets.init), jax.random.split(jax.random.key(0), seeds))
+    params = jax.tree.map(lambda leaf: jnp.asarray(random.normal(size=leaf.shape), jnp.float32), shapes)
+    stats = ObsStats(*(jnp.asarray(random.uniform(0.5, 2.0, (seeds, spec.env.obs_size)), jnp.float32) for _ in range(2)))
+    sets = [random_episodes(spec.env, seed, 5) for seed in range(seeds)]
+    nothing: Any = None
+    states = TrainState(params, nothing, nothing, stats, nothing, jax.random.split(jax.random.key(1), seeds), jnp.zeros(seeds))
+    expert = jax.tree.map(lambda *leaves: jnp.stack(leaves), *sets)
+    summary = {"seeds": list(spec.seeds)}
+    return Result(summary, [], {}, spec, nets, states, expert, sets[0], None)
+
+
+def random_episodes(env: Env, seed: int, number: int) -> Trajectory:
+    """Episodes of a robot that are noise, and end after 1 to T steps, [N, T, …]."""
+    random, shape = np.random.default_rng(seed), (number, env.horizon)
+    drawn = {
+        "obs": random.normal(size=(*shape, env.obs_size)),
+        "action": random.uniform(-1.5, 1.5, size=(*shape, env.action_space.feature_size)),
+        "reward": random.normal(size=shape),
+        "cost": random.integers(2, size=shape),
+        "mask": np.arange(env.horizon) < random.integers(1, env.horizon + 1, size=(number, 1)),
+        "bootstrap": np.zeros(number),
+    }
+    zeros = jnp.zeros(shape)
+    return Trajectory(
+        **{"log_prob": zeros, "value": zeros} | {name: jnp.asarray(one, jnp.float32) for name, one in drawn.items()}
     )

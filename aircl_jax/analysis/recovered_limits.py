@@ -65,7 +65,7 @@ def recovered_limits(result: Result) -> Limits | None:
         for index in range(len(names))
         if (nets.feasibility_sees_state if index < obs.shape[1] else nets.feasibility_sees_action)
     ]
-    ends = np.array([[limits_of(grid[:, i], one[:, i], middle[i]) for i in shown] for one in delta])
+    ends = np.array([[limits_of(grid[:, i], one[:, i], float(middle[i])) for i in shown] for one in delta])
     return Limits(tuple(names[i] for i in shown), ends[..., 0], ends[..., 1], least[shown], greatest[shown])
 
 

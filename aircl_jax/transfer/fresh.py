@@ -46,7 +46,7 @@ def train_fresh(
     learner = make_learner(env, config)
     tasks = Task(objective, jnp.full(len(seeds), float(constrained)))
     count = config.candidates
-    trial = int(config.trial * config.iterations) if count > 1 else 0
+    trial = max(1, int(config.trial * config.iterations)) if count > 1 else 0
     crowd = [seed + CANDIDATE * k for seed in seeds for k in range(count)]
     states = _over(len(crowd), jax.vmap(learner.init), SEED)(seed_keys(crowd))
     history: dict[str, np.ndarray] = {}

@@ -67,7 +67,7 @@ def swap(
         ValueError: in one line, where the run learned no such part, or the world has no such name.
     """
     for setting, named in (("reward", reward), ("constraint", constraint)):
-        if env is not None and isinstance(named, str) and named not in ("world", NONE):
+        if env is not None and isinstance(named, str) and named != "world" and (setting, named) != ("constraint", NONE):
             raise ValueError(f"{setting}={named!r} beside an Env, which has its own; choose world or a function")
     world = _world(result, reward, constraint) if env is None else env
     if world.tabular is not None:
@@ -123,11 +123,11 @@ def _part(choice: Any, world: Callable[[], Part], learned: Callable[[], Part]) -
 
 
 def _world(result: Result, reward: Any, constraint: Any) -> Env:
-    """The run's world, with the named reward and constraint in place of its own."""
+    """The run's world, with the named reward and constraint in place of its own: that of `none` stays, to be judged by."""
     named = {
         name: value
         for name, value in (("reward", reward), ("constraint", constraint))
-        if isinstance(value, str) and value not in ("world", NONE)
+        if isinstance(value, str) and value != "world" and (name, value) != ("constraint", NONE)
     }
     if not named:
         return result.spec.env

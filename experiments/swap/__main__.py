@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from envs.settings import at_least
 from experiments.cli.command import run_command
 from experiments.cli.words import listed
 
@@ -54,8 +55,12 @@ def swap(settings: Settings, words: Sequence[str]) -> None:
         _of_a_run(settings, shlex.join(["python", "-m", "experiments.swap", *words]))
         return
     worlds, rows = listed("worlds", settings.worlds, WORLDS), listed("rows", settings.rows, ROWS)
-    if Path(settings.out).resolve() == Path(RESULTS).resolve() and (settings.iterations or settings.seeds < 3):
-        raise ValueError(f"seeds={settings.seeds} iterations={settings.iterations}: {RESULTS} has whole runs; choose out=DIR")
+    for name, least in (("seeds", 1), ("oracle_seeds", 1), ("iterations", 0)):
+        at_least(name, getattr(settings, name), least)
+    fewer = settings.seeds < Settings.seeds or settings.oracle_seeds < Settings.oracle_seeds
+    if Path(settings.out).resolve() == Path(RESULTS).resolve() and (settings.iterations or fewer):
+        given = " ".join(f"{name}={getattr(settings, name)}" for name in ("seeds", "oracle_seeds", "iterations"))
+        raise ValueError(f"{given}: {RESULTS} has whole runs; choose out=DIR")
     if settings.train:
         for world in worlds:
             _grids(settings, rows) if world == "gridworld" else _robot(settings, world, rows)
