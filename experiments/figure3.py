@@ -1,8 +1,9 @@
-"""The tasks with expert and learned paths (Figure 3), and what the constraint of a robot speaks of, from finished runs:
-`python -m experiments.figure3`, after `python -m experiments.table1`.
+"""Draw the tasks with expert and learned paths (Figure 3), and each robot's learned constraint by coordinate.
 
-runs     folder of runs as ENV/METHOD, such as those of `python -m experiments.table1`
-method   whose policy is shown
+`python -m experiments.figure3` reads finished runs, such as those of `python -m experiments.table1`.
+
+runs     folder of runs as ENV/METHOD
+method   method whose policy is shown
 out      folder for figure3.png, constraint_ENV.png and their captions in figure3.md
 """
 
@@ -28,12 +29,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def make(settings: Settings, words: Sequence[str]) -> None:
-    """Draw and write."""
+    """Draw the figures and print where they are."""
     print(f"wrote {draw(settings, shlex.join(['python', '-m', 'experiments.figure3', *words]))}")
 
 
 def draw(settings: Settings, command: str) -> Path:
-    """The figures and figure3.md of the runs that are there. Raises ValueError where there is none."""
+    """Write the figures and figure3.md of the runs that exist. Raises ValueError where none exists."""
     import matplotlib as mpl
 
     from aircl_jax import load

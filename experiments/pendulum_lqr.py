@@ -1,4 +1,4 @@
-"""What the pendulum's noise leaves of its return: linear-quadratic balancing at several places before the wall.
+"""Measure how the pendulum's noise limits its return: balance it by an LQR at several places before the wall.
 
 `python -m experiments.pendulum_lqr noise=0.001` prints return against clean episodes, a yardstick for the trained expert.
 """
@@ -20,13 +20,13 @@ from envs.settings import at_least
 from experiments.cli.command import run_command
 
 PLACES = (-0.014, -0.012, -0.010, -0.008, -0.006, -0.004, -0.002, 0.0)  # m; the wall is at −0.015
-PLACE_COST, ACTION_COST = 1e4, 1.0  # of x² in m²; of the action². The other coordinates cost 1 per unit²
+PLACE_COST, ACTION_COST = 1e4, 1.0  # per m² of x², and per action². The other coordinates cost 1 per unit²
 
 
 @dataclass(frozen=True)
 class Settings:
     noise: float = 0.001  # σ of the transition noise, m, rad, m/s, rad/s
-    std: float = 0.05  # σ of the action's noise, as the shipped expert's
+    std: float = 0.05  # σ of the action's noise, equal to the shipped expert's
     episodes: int = 500
 
     def __post_init__(self) -> None:
@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def print_frontier(settings: Settings, _: Sequence[str]) -> None:
-    """Print return against clean episodes, a line a place."""
+    """Print return against clean episodes, one line per place."""
     env = make_env("pendulum", noise=settings.noise)
     gain = regulator(make_env("pendulum", noise=0.0))
     print("place, m | return | clean episodes, % | return of the clean | violating steps")
@@ -52,7 +52,7 @@ def print_frontier(settings: Settings, _: Sequence[str]) -> None:
 
 
 def regulator(env: Env) -> Float[np.ndarray, "A O"]:
-    """K of a = −K (s − s*), the infinite-horizon LQR of the control step linearised upright."""
+    """Compute K of a = −K (s − s*), the infinite-horizon LQR of the control step linearised upright."""
     rest = jnp.zeros(env.obs_size)
 
     def moved(obs: Float[Array, " O"], action: Float[Array, " A"]) -> Array:
@@ -68,7 +68,7 @@ def regulator(env: Env) -> Float[np.ndarray, "A O"]:
 def balance(
     env: Env, gain: Float[np.ndarray, "A O"], place: float, settings: Settings
 ) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
-    """Return and violating steps of each episode."""
+    """Balance at a place; return each episode's return and its number of violating steps."""
     target = jnp.zeros(env.obs_size).at[0].set(place)
 
     def episode(key: Array) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
-"""Is the constraint recovered? Every method on the default grid, three on three more: `python -m experiments.recovery`.
+"""Measure how well the constraint is recovered: every method on the default grid, three methods on three more grids.
 
-A finished cell is kept in results/recovery/WORLD/METHOD.json with its command and commit, and skipped by the next call;
-`seeds=2 iterations=4 out=DIR` makes a quick pass elsewhere.
+`python -m experiments.recovery` keeps each finished cell in results/recovery/WORLD/METHOD.json with its command and commit.
+The next call skips it. `seeds=2 iterations=4 out=DIR` makes a quick pass elsewhere.
 """
 
 import json
@@ -18,8 +18,8 @@ from experiments.cli.words import SEEDS, refuse_short_runs
 from experiments.shared.commits import current_commit
 from experiments.shared.paired_tests import each, spread
 
-# Five random obstacles each, drawn once: numpy.random.default_rng(1) and (2), cells other than start and goal, redrawn
-# until a clean path of ten steps is left.
+# Five random obstacles each, drawn once by numpy.random.default_rng(1) and (2) from the cells other than start and goal,
+# and redrawn until a clean path of ten steps is left.
 SECOND = [[0, 2], [2, 3], [2, 4], [4, 1], [5, 2]]
 THIRD = [[0, 4], [1, 3], [1, 4], [2, 3], [4, 2]]
 WORLDS: dict[str, tuple[str, Mapping[str, Any]]] = {
@@ -40,7 +40,7 @@ LEGEND = (
     "δ̄ of D_E; violation_reward_only: timesteps of the plan for f alone; reward_correlation: f and the true reward on π's "
     "feasible steps; rc_acc: share of D_E with D > ½; balanced_acc: mean of that and of q's share with D < ½."
 )
-ELSEWHERE = ("aircl_corrected", "airl_centred", "aircl")  # the rows that are run on the other worlds too
+ELSEWHERE = ("aircl_corrected", "airl_centred", "aircl")  # the rows that also run on the other worlds
 SHOWN = (
     "violation_rate",
     "violation_rate_policy",
@@ -66,11 +66,11 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    return run_command(recover, argv, Settings(), __doc__, then="the same command goes on with the cell that was cut")
+    return run_command(recover, argv, Settings(), __doc__, then="the same command continues with the missing cells")
 
 
 def recover(settings: Settings, _: Sequence[str]) -> None:
-    """Train the cells that are missing, then write the table."""
+    """Train the missing cells and write the table."""
     refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
     commit = current_commit()  # of the code that this process has loaded
     cells = {
@@ -106,7 +106,7 @@ def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str,
 
 
 def table(cells: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
-    """One Markdown table a world: mean ± standard deviation over seeds, and every seed of the two violation rates."""
+    """Return a Markdown table per world: mean ± standard deviation over seeds, and every seed's two violation rates."""
     lines = ["# Recovery on the grids", "", HEADING, "", LEGEND, ""]
     for world in WORLDS:
         rows = {method: cell for (name, method), cell in cells.items() if name == world}

@@ -1,8 +1,12 @@
-"""How much the results depend on φ, m, the number of demonstrations and the noise: `python -m experiments.sweeps`.
+"""Measure how the results depend on φ, m, the number of demonstrations and the noise: `python -m experiments.sweeps`.
 
-A finished sweep is kept as results/sweeps/NAME.json with its command and commit, and skipped by the next call; the report
-and a figure of each are written anew. Settings: sweep (a comma list of names, or all), seeds, iterations (0: the
-environment's own), out (a folder). φ and m are coefficients: all their values train in one program.
+A finished sweep is kept as results/sweeps/NAME.json with its command and commit, and the next call skips it. The report
+and the figures are written anew. φ and m are coefficients, so that all their values train in one program. Settings:
+
+sweep       a comma list of names, or all
+seeds       number of seeds
+iterations  number of iterations; 0 takes the environment's own
+out         folder of the results
 """
 
 import json
@@ -29,12 +33,12 @@ from experiments.shared.kept_files import keep
 from experiments.shared.paired_tests import spread
 
 RESULTS = "results/sweeps"
-OF_THE_EXPERT = ("violation_rate_expert", "expert_goal_rate")  # what the rates are to be read beside
+OF_THE_EXPERT = ("violation_rate_expert", "expert_goal_rate")  # the expert's rates, shown for comparison
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is varied, of which method on the grid; `of` says where the name is a setting of."""
+    """One setting, its values and the method that is trained with them on the grid; `of` says what `name` is a setting of."""
 
     title: str
     method: str
@@ -70,11 +74,11 @@ class Settings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    return run_command(make, argv, Settings(), __doc__, then="the same command goes on with the sweep that was cut")
+    return run_command(make, argv, Settings(), __doc__, then="the same command continues with the missing sweeps")
 
 
 def make(settings: Settings, words: Sequence[str]) -> None:
-    """Train the sweeps that are missing, then write."""
+    """Train the missing sweeps and write the report."""
     chosen = listed("sweep", settings.sweep, tuple(SWEEPS))
     refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
     commit = current_commit()  # of the code that this process has loaded
@@ -82,22 +86,22 @@ def make(settings: Settings, words: Sequence[str]) -> None:
         path = Path(settings.out) / f"{name}.json"
         if not path.exists():
             print(f"training {name}: {SWEEPS[name].method}, {SWEEPS[name].name} of {SWEEPS[name].values}", flush=True)
-            command = shlex.join(["python", "-m", "experiments.sweeps", *_kept(words), f"sweep={name}"])
+            command = shlex.join(["python", "-m", "experiments.sweeps", *_other_words(words), f"sweep={name}"])
             keep(path, {"command": command, "commit": commit, **run(SWEEPS[name], settings)})
     print(f"wrote {write(Path(settings.out))}")
 
 
-def _kept(words: Sequence[str]) -> list[str]:
+def _other_words(words: Sequence[str]) -> list[str]:
     return [word for word in words if not word.startswith("sweep=")]
 
 
-def run(one: Sweep, settings: Settings) -> dict[str, Any]:
-    """{…, "metrics": {NAME: [V, S]}} of one sweep."""
+def run(varied: Sweep, settings: Settings) -> dict[str, Any]:
+    """Train one sweep; return {…, "metrics": {NAME: [V, S]}}."""
     iterations = settings.iterations or "default"
-    if one.of == "coefficient":
+    if varied.of == "coefficient":
         spec = make_spec(
             "gridworld",
-            one.method,
+            varied.method,
             seeds=settings.seeds,
             iterations=iterations,
             contrast_prior="method",
@@ -106,25 +110,31 @@ def run(one: Sweep, settings: Settings) -> dict[str, Any]:
             env_settings={},
             config={},
         )
-        found = sweep(spec, one.name, one.values)
-        metrics = {name: values.tolist() for name, values in found.items()}
+        by_name = sweep(spec, varied.name, varied.values)
+        metrics = {name: values.tolist() for name, values in by_name.items()}
     else:
-        changes = [{one.name: value} for value in one.values]
+        changes = [{varied.name: value} for value in varied.values]
         runs = [
             train(
                 "gridworld",
-                one.method,
+                varied.method,
                 seeds=settings.seeds,
                 iterations=iterations,
-                env_settings=change if one.of == "env" else {},
-                config=change if one.of == "config" else {},
+                env_settings=change if varied.of == "env" else {},
+                config=change if varied.of == "config" else {},
             )
             for change in changes
         ]
         names = runs[0].summary["metrics"]
         metrics = {name: [run.summary["metrics"][name]["per_seed"] for run in runs] for name in names}
     finite = {name: [[_finite(x) for x in row] for row in rows] for name, rows in metrics.items()}
-    return {"method": one.method, "setting": one.name, "values": one.values, "seeds": settings.seeds, "metrics": finite}
+    return {
+        "method": varied.method,
+        "setting": varied.name,
+        "values": varied.values,
+        "seeds": settings.seeds,
+        "metrics": finite,
+    }
 
 
 def _finite(value: float | None) -> float | None:
@@ -132,33 +142,40 @@ def _finite(value: float | None) -> float | None:
 
 
 def write(out: Path) -> Path:
-    """report.md and the figures of the sweeps that are there."""
+    """Write report.md and the figures of the finished sweeps."""
     lines = ["# Sensitivity on the grid", "", "`python -m experiments.sweeps`; mean ± std over seeds, — where undefined.", ""]
-    for name, one in SWEEPS.items():
+    for name, varied in SWEEPS.items():
         path = out / f"{name}.json"
-        lines += [f"## {one.title}", ""]
+        lines += [f"## {varied.title}", ""]
         if not path.exists():
             lines += [f"Not trained yet: `python -m experiments.sweeps sweep={name}`.", ""]
             continue
-        found = json.loads(path.read_text())
+        cell = json.loads(path.read_text())
         with mpl.rc_context(STYLE):
-            drawing = sweep_figure.draw(name, one.title, found)
+            drawing = sweep_figure.draw(name, varied.title, cell)
             drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
-        lines += [f"`{found['command']}`, commit {found['commit']}", "", f"![{one.title}]({name}.png)", "", drawing.caption, ""]
-        lines += [table(found), ""]
+        lines += [
+            f"`{cell['command']}`, commit {cell['commit']}",
+            "",
+            f"![{varied.title}]({name}.png)",
+            "",
+            drawing.caption,
+            "",
+        ]
+        lines += [table(cell), ""]
     written = out / "report.md"
     written.write_text("\n".join(lines))
     return written
 
 
-def table(found: Mapping[str, Any]) -> str:
-    """A row a value."""
-    names = [name for name in (*sweep_figure.SHOWN, *OF_THE_EXPERT) if name in found["metrics"]]
+def table(cell: Mapping[str, Any]) -> str:
+    """Tabulate the measures, one row per value."""
+    names = [name for name in (*sweep_figure.SHOWN, *OF_THE_EXPERT) if name in cell["metrics"]]
     rows = [
-        (f"{value:g}", *(spread(found["metrics"][name][place], 3) for name in names))
-        for place, value in enumerate(found["values"])
+        (f"{value:g}", *(spread(cell["metrics"][name][place], 3) for name in names))
+        for place, value in enumerate(cell["values"])
     ]
-    return markdown.table((found["setting"], *names), rows)
+    return markdown.table((cell["setting"], *names), rows)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Look at a robot's run: `python -m experiments.watch run_dir=runs/swimmer/aircl_corrected` writes a player and a film strip.
+"""Write a player and a film strip of a robot's run: `python -m experiments.watch run_dir=runs/swimmer/aircl_corrected`.
 
-run_dir   a run on a robot, finished or still going on
-seed      which of its seeds; the first by default
-episodes  how many of the demonstrations and of the learned policy
+run_dir   a run on a robot, finished or still training
+seed      one of its seeds; by default the first
+episodes  number of demonstrations, and of episodes of the learned policy
 out       folder for watch.html, which plays in any browser, and film_strip.png; by default the run's figures
 """
 
@@ -28,13 +28,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def show(settings: Settings, _: Sequence[str]) -> None:
-    """Roll out, draw and write."""
+    """Write the player and the film strip, and print where they are."""
     for path, caption in watch(settings):
         print(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
 
 
 def watch(settings: Settings) -> list[tuple[Path, str]]:
-    """The two files, each with a sentence on it. Raises ValueError for what does not fit."""
+    """Write the two files and return each with a sentence on it. Raises ValueError for settings that do not fit."""
     from aircl_jax.runs.directory import FIGURES, open_saved
     from envs.robots.tasks import ROBOTS
 

@@ -1,7 +1,7 @@
-"""The adversary: what the discriminator says, one loss term per equation, and the update of θ and φ (lines 5 and 6).
+"""Update the adversary's θ and φ on the sum of its loss terms, one per equation (Algorithm 1, lines 5 and 6).
 
-Every term is minimised; where the paper maximises an objective, the term is its negative. The true cost is never read, and
-the true reward only by the rows that know it (through `Scores.f`).
+Every term is minimised; where the paper maximises an objective, the term is its negative. No term reads the true cost. Only
+the rows that know the true reward read it, through `Scores.f`.
 """
 
 from typing import Any
@@ -24,29 +24,29 @@ def make_optimiser(config: TrainConfig) -> optax.GradientTransformation:
 
 
 def score_all(nets: BoundNetworks, batches: Batches) -> Batches:
-    """Scores of the four sets, each [N, …], from pairs: trajectories, and log π of their actions under the present policy."""
+    """Score the four sets, each [N, …], given as pairs of trajectories and log π of their actions under the present policy."""
     return Batches(*(jax.vmap(nets.scores)(*pair) for pair in batches))
 
 
 def minibatch(batches: Batches, size: int, key: PRNGKeyArray) -> Batches:
-    """`size` of each set, drawn without replacement; the set itself where it holds no more."""
+    """Draw `size` of each set without replacement; take the whole set where it holds no more."""
 
-    def some(one: Any, key: PRNGKeyArray) -> Any:
-        number = jax.tree.leaves(one)[0].shape[0]
-        return one if number <= size else take(one, jax.random.permutation(key, number)[:size])
+    def some(batch: Any, key: PRNGKeyArray) -> Any:
+        number = jax.tree.leaves(batch)[0].shape[0]
+        return batch if number <= size else take(batch, jax.random.permutation(key, number)[:size])
 
     return Batches(*map(some, batches, jax.random.split(key, len(batches))))
 
 
 def update(nets: BoundNetworks, opt_state: Any, batches: Batches, key: PRNGKeyArray) -> tuple[Params, Any, Metrics]:
-    """Lines 5 and 6: `num_steps` Adam steps on the sum of the method's terms, θ and φ together; ω stands still."""
+    """Take `num_steps` Adam steps on the sum of the method's terms, θ and φ together (lines 5 and 6); ω stays unchanged."""
     method, config, params = nets.method, nets.config, nets.params
     if not method.terms:
         return params, opt_state, {}
     optimiser = make_optimiser(config)
     size = max(1, config.adversary.minibatch_size // nets.env.horizon)
 
-    pairs = Batches(*((one, jax.vmap(nets.log_pi)(one)) for one in batches))
+    pairs = Batches(*((batch, jax.vmap(nets.log_pi)(batch)) for batch in batches))
 
     def loss(trainable: tuple, batches: Batches) -> tuple[Array, Metrics]:
         reward, feasibility = trainable

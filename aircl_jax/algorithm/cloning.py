@@ -1,4 +1,4 @@
-"""Behaviour cloning, the floor that every inverse method should clear (Bain and Sammut 1995)."""
+"""Train the policy by behaviour cloning, the floor that every inverse method should clear (Bain and Sammut 1995)."""
 
 from typing import Any, cast
 
@@ -21,7 +21,7 @@ def update(
     key: PRNGKeyArray,
     config: PPOConfig,
 ) -> tuple[Params, Any, Metrics]:
-    """`num_epochs` passes of Adam on −mean log π_ω(a_t|s_t) over D_E in PPO's minibatches; the critic stands still."""
+    """Run `num_epochs` passes of Adam on −mean log π_ω(a_t|s_t) over D_E in PPO's minibatches; the critic stays unchanged."""
     optimiser = make_optimiser(config)
     number, horizon = expert.mask.shape
 

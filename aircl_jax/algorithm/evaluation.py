@@ -1,4 +1,4 @@
-"""What is measured: the paper's metrics and ours, on each iteration's batches and on fresh episodes at an evaluation."""
+"""Evaluate a seed: the paper's metrics and ours on fresh episodes and on the reference set."""
 
 import jax
 import jax.numpy as jnp
@@ -21,13 +21,13 @@ from aircl_jax.model.feasibility import log_feasibility
 from aircl_jax.model.networks import BoundNetworks, Networks
 from aircl_jax.types import Metrics, Scores, TrainState, Trajectory
 
-TV_BINS = 16  # per coordinate of s̃, between −4 and 4, for the occupancies of worlds that are not tabular
+TV_BINS = 16  # bins per coordinate of s̃, between −4 and 4, for the occupancies of worlds that are not tabular
 
 
 def evaluate(networks: Networks, state: TrainState, expert: Trajectory, reference: Trajectory) -> Metrics:
-    """All metrics of one seed on fresh episodes of π and draws of q from them, and on the reference set.
+    """Compute all metrics of one seed on fresh episodes of π, on draws of q from them, and on the reference set.
 
-    Reads the true reward and cost; changes nothing of the state (its key is folded, not split).
+    Reads the true reward and cost. The state stays unchanged, because its key is folded and not split.
     """
     env, number = networks.env, networks.config.num_evaluation
     nets = networks.bind(state.params, state.obs_stats)
@@ -51,7 +51,7 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
 
 
 def occupancy_tv(nets: BoundNetworks, expert: Trajectory, policy: Trajectory) -> Float[Array, ""]:
-    """½ Σ |p_E − p_π| of the observed states' occupancies; else the mean over coordinates of s̃, binned."""
+    """½ Σ |p_E − p_π| of the observed states' occupancies; outside tables, its mean over the binned coordinates of s̃."""
 
     def histogram(trajectories: Trajectory) -> Float[Array, "K B"]:
         weight = trajectories.mask / jnp.maximum(trajectories.mask.sum(), 1.0)
@@ -69,7 +69,7 @@ def _scores(nets: BoundNetworks, trajectories: Trajectory) -> Scores:
 
 
 def _accuracies(nets: BoundNetworks, expert: Scores, sampled: Scores) -> Metrics:
-    """RCAcc, the share of D_E with D > ½ (recall on experts alone), and its mean with the share of q told apart."""
+    """Compute RCAcc, the share of D_E with D > ½ (recall on experts alone), and its mean with the share of q with D < ½."""
     if not nets.method.discriminates:
         return {name: jnp.full((), jnp.nan) for name in ("rc_acc", "balanced_acc", "logit_size")}
     expert_logit, sampled_logit = discriminator_logits(nets.method, nets.config, expert, sampled)
@@ -85,7 +85,7 @@ def _accuracies(nets: BoundNetworks, expert: Scores, sampled: Scores) -> Metrics
 
 
 def _feasibility_metrics(nets: BoundNetworks, reference: Trajectory) -> Metrics:
-    """Does δ̄ separate clean from violating trajectories of the reference set, and by how much; and δ₁ their steps."""
+    """Measure how well δ̄ separates clean from violating trajectories of the reference set, and δ₁ their steps."""
     undefined = jnp.full((), jnp.nan)
     if not nets.method.learns_feasibility:
         return dict.fromkeys(("feasibility_auroc", "feasibility_gap", "step_feasibility_auroc"), undefined)
@@ -103,7 +103,7 @@ def _feasibility_metrics(nets: BoundNetworks, reference: Trajectory) -> Metrics:
 
 
 def _reward_metrics(nets: BoundNetworks, policy: Trajectory, scores: Scores) -> Metrics:
-    """Is f the true reward on feasible steps, and how much of the constraint hides in it (tabular worlds)."""
+    """Correlate f with the true reward on feasible steps, and measure in tabular worlds how much constraint f holds."""
     undefined = jnp.full((), jnp.nan)
     if not nets.method.learns_reward:
         return {"reward_correlation": undefined, "violation_reward_only": undefined}
@@ -113,7 +113,7 @@ def _reward_metrics(nets: BoundNetworks, policy: Trajectory, scores: Scores) -> 
 
 
 def _violation_reward_only(nets: BoundNetworks) -> Float[Array, ""]:
-    """Violation rate of the exact soft-optimal policy of f alone, undiscounted, at the entropy's own β."""
+    """Compute the violation rate of the exact soft-optimal policy of f alone, undiscounted, at the entropy's own β."""
     table = nets.env.tabular
     if table is None:
         return jnp.full((), jnp.nan)
@@ -124,7 +124,7 @@ def _violation_reward_only(nets: BoundNetworks) -> Float[Array, ""]:
 
 
 def _log_std_at_bound(nets: BoundNetworks) -> Float[Array, ""]:
-    """Share of the policy's log σ that stand at a bound; undefined (NaN) for discrete actions."""
+    """Compute the share of the policy's log σ that are at a bound; NaN for discrete actions."""
     log_std = nets.params.policy["params"].get("log_std")
     if log_std is None:
         return jnp.full((), jnp.nan)

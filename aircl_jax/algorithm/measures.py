@@ -1,4 +1,4 @@
-"""Measures of trajectories as pure functions: the paper's and ours."""
+"""Measure trajectories by pure functions: the paper's measures and ours."""
 
 import jax
 import jax.numpy as jnp
@@ -12,28 +12,28 @@ GOAL_TOLERANCE = 1e-3
 
 
 def violation_rate(trajectories: Trajectory) -> Float[Array, ""]:
-    """The paper's: the share of unmasked timesteps that violate."""
+    """Compute the paper's violation rate: the share of unmasked timesteps that violate."""
     return (trajectories.cost * trajectories.mask).sum() / jnp.maximum(trajectories.mask.sum(), 1.0)
 
 
 def infeasible(trajectories: Trajectory) -> Float[Array, " N"]:
-    """1 for each trajectory with a violation in any unmasked step."""
+    """Return 1 for each trajectory with a violation in any unmasked step, else 0."""
     return (trajectories.cost * trajectories.mask).max(axis=-1)
 
 
 def undiscounted_return(trajectories: Trajectory) -> Float[Array, ""]:
-    """Mean over trajectories of Σ_t r_t, the true one."""
+    """Average Σ_t r_t of the true reward over trajectories."""
     return (trajectories.reward * trajectories.mask).sum(axis=-1).mean()
 
 
 def feasible_return(trajectories: Trajectory) -> Float[Array, ""]:
-    """Mean over trajectories of Σ_t r_t up to the first violation (Liu et al. 2022)."""
+    """Average Σ_t r_t up to the first violation over trajectories (Liu et al. 2022)."""
     clean = jnp.cumprod(1.0 - trajectories.cost * trajectories.mask, axis=-1)
     return (trajectories.reward * trajectories.mask * clean).sum(axis=-1).mean()
 
 
 def goal_rate(trajectories: Trajectory, success_return: float | None) -> Float[Array, ""]:
-    """Share of episodes that end in the goal; undefined (NaN) in a world without one."""
+    """Compute the share of episodes that end in the goal; NaN in a world without a goal."""
     if success_return is None:
         return jnp.full((), jnp.nan)
     returns = (trajectories.reward * trajectories.mask).sum(axis=-1)
@@ -42,7 +42,7 @@ def goal_rate(trajectories: Trajectory, success_return: float | None) -> Float[A
 
 
 def auroc(score: Float[Array, " N"], positive: Float[Array, " N"], negative: Float[Array, " N"]) -> Float[Array, ""]:
-    """P(score of a positive > score of a negative), ties counted half, both weighted; NaN where one label is missing."""
+    """P(score of a positive > score of a negative), ties counted half, both labels weighted; NaN where one is missing."""
     order = jnp.argsort(score)
     ranked = score[order]
     up_to = jnp.cumsum(negative[order] / negative.sum())
@@ -53,7 +53,7 @@ def auroc(score: Float[Array, " N"], positive: Float[Array, " N"], negative: Flo
 
 
 def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Array, "*B"]) -> Float[Array, ""]:
-    """Pearson's, weighted; undefined (NaN) where either does not vary."""
+    """Compute Pearson's correlation with weights; NaN where either variable is constant."""
     weight = weight / weight.sum()
     x, y = x - (weight * x).sum(), y - (weight * y).sum()
     return (weight * x * y).sum() / jnp.sqrt((weight * x**2).sum() * (weight * y**2).sum())
@@ -62,8 +62,8 @@ def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Arra
 def step_metrics(
     env: Env, sampled: Trajectory, policy: Trajectory, log_delta: Float[Array, " P"], expert_log_delta: Float[Array, " N"]
 ) -> Metrics:
-    """The measures of one iteration's batches, before its update; of D_E, δ̄ as the adversary has left it."""
-    known = 1.0 if env.has_reward else jnp.nan  # also for a row that assumes r = 0
+    """Measure one iteration's batches as drawn before its updates, and δ̄ of D_E after the adversary's update."""
+    known = 1.0 if env.has_reward else jnp.nan  # NaN also for a row that assumes r = 0
     return {
         "violation_rate": violation_rate(sampled),
         "violation_rate_policy": violation_rate(policy),

@@ -1,4 +1,4 @@
-"""The reward that drives the policy, computed after the rollout from the learned functions (never wrapped into the world)."""
+"""Compute the policy's reward from the learned functions, after the rollout and outside the world."""
 
 import jax
 import jax.numpy as jnp
@@ -16,8 +16,8 @@ def policy_reward(
     """r_t = f(s_t, a_t) [− mean_E f] [+ log δ₁(s_t, a_t)] − β log π(a_t|s_t), and the trajectory's bonus log δ_seq − mean.
 
     log δ₁ is at least −11.5, which stands for −∞ in the paper's rows. The entropy is causal and inside the reward (J + H of
-    Section 3.1). β = 1 in the paper's rows with a learned f. The constant mean_E f, of a centred discriminator, moves no
-    optimum and keeps the critic's targets near zero.
+    Section 3.1). β = 1 in the paper's rows with a learned f. A centred discriminator subtracts the constant mean_E f, which
+    moves no optimum and keeps the critic's targets near zero.
     """
     method, coefficients = nets.method, nets.config.coefficients
     scores = jax.vmap(nets.scores)(policy, policy.log_prob)

@@ -1,4 +1,4 @@
-"""One episode of the policy by `lax.scan` (Algorithm 1, line 4)."""
+"""Roll out episodes of the policy by `lax.scan` (Algorithm 1, line 4)."""
 
 from typing import Any
 
@@ -12,9 +12,9 @@ from envs import Env
 
 
 def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) -> Trajectory:
-    """τ ~ π_ω: reset, then T steps. `mask` ends with the step that terminates; `bootstrap` is V(s_T) at a mere time limit.
+    """Draw τ ~ π_ω: reset, then T steps. `mask` ends with the step that terminates; `bootstrap` is V(s_T) at a time limit.
 
-    `world` is where the policy acts, if not in the environment that its networks were made for.
+    The policy acts in `world`, or in the environment of its networks where `world` is None.
     """
     key_reset, key_steps = jax.random.split(key)
     start = (nets.env if world is None else world).reset(key_reset)
@@ -24,7 +24,7 @@ def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) ->
 def rollout_from(
     nets: BoundNetworks, key: PRNGKeyArray, start: tuple[Any, Array], world: Env | None = None
 ) -> tuple[Trajectory, tuple[Any, Array]]:
-    """Take T steps from `start`, an environment's state and its observation; return those of the end too."""
+    """Take T steps from `start`, an environment's state and its observation; return the trajectory and those at its end."""
     env = nets.env if world is None else world
     assumes_no_reward = nets.method.assumes_no_reward and not env.has_reward
 
@@ -49,5 +49,5 @@ def rollout_from(
 
 
 def rollouts(nets: BoundNetworks, key: PRNGKeyArray, number: int, world: Env | None = None) -> Trajectory:
-    """`number` independent episodes, [N, T, …]."""
+    """Roll out `number` independent episodes, [N, T, …]."""
     return jax.vmap(lambda key: rollout(nets, key, world))(jax.random.split(key, number))

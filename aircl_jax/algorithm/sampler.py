@@ -1,4 +1,4 @@
-"""The sampler q(τ) ∝ π(τ) · δ̄(τ): D_S drawn from policy trajectories by their feasibility (Eq. 9; Algorithm 1, line 3)."""
+"""Draw D_S from policy trajectories by their feasibility: q(τ) ∝ π(τ) · δ̄(τ) (Eq. 9; Algorithm 1, line 3)."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-MIN_EFFECTIVE_SHARE = 0.1  # below it the weights say nothing but who is luckiest: fall back to uniform
+MIN_EFFECTIVE_SHARE = 0.1  # effective sample size below which a few trajectories hold all weight, so that draws are uniform
 
 
 def effective_sample_size(log_delta: Float[Array, " N"]) -> Float[Array, ""]:
@@ -17,14 +17,14 @@ def effective_sample_size(log_delta: Float[Array, " N"]) -> Float[Array, ""]:
 
 
 def resample(log_delta: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int[Array, " N"]:
-    """N indices with p ∝ δ̄, by systematic resampling; uniform where the effective sample size is below a tenth of the pool."""
+    """Draw N indices with p ∝ δ̄ by systematic resampling; uniformly where the effective share is below a tenth."""
     degenerate = effective_sample_size(log_delta) < MIN_EFFECTIVE_SHARE
     probability = jax.nn.softmax(jnp.where(degenerate, jnp.zeros_like(log_delta), log_delta))
     return _systematic(probability, number, key)
 
 
 def reject(log_delta: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int[Array, " N"]:
-    """N indices among those that a coin of probability δ̄(τ) accepts (Eq. 9 read as rejection); uniform where none is."""
+    """Draw N indices among those accepted with probability δ̄(τ) (Eq. 9 read as rejection); uniformly where none is."""
     key_accept, key_draw = jax.random.split(key)
     accepted = (jnp.log(jax.random.uniform(key_accept, log_delta.shape)) < log_delta).astype(jnp.float32)
     weight = jnp.where(accepted.sum() > 0, accepted, jnp.ones_like(accepted))
@@ -35,12 +35,12 @@ SAMPLERS = {"resample": resample, "reject": reject}
 
 
 def take(tree: Any, index: Int[Array, " N"]) -> Any:
-    """Every leaf's rows of those indices, such as trajectories, [N, T, …]."""
+    """Take the rows of these indices from every leaf of a tree such as trajectories, [N, T, …]."""
     return jax.tree.map(lambda leaf: leaf[index], tree)
 
 
 def _systematic(probability: Float[Array, " P"], number: int, key: PRNGKeyArray) -> Int[Array, " N"]:
-    """One uniform offset, N even strides through the cumulative probability: as fair as N draws, and less noisy."""
+    """Draw one uniform offset and take N even strides through the cumulative probability: unbiased as N draws, less noisy."""
     positions = (jnp.arange(number) + jax.random.uniform(key)) / number
     cumulative = jnp.cumsum(probability)
     return jnp.searchsorted(cumulative / cumulative[-1], positions, method="compare_all").clip(0, len(probability) - 1)

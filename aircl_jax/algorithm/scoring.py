@@ -1,4 +1,4 @@
-"""δ̄ of whole sets of trajectories, its thresholds from the demonstrations, and D_S drawn by it."""
+"""Score sets of trajectories by δ̄, calibrate its thresholds on the demonstrations, and draw D_S by it."""
 
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from aircl_jax.types import Params, Trajectory
 
 
 class Drawn(NamedTuple):
-    """Trajectories of π with their log δ̄, and which of them are the draws of q (Eq. 9)."""
+    """Trajectories of π with their log δ̄, and the indices of the draws of q among them (Eq. 9)."""
 
     policy: Trajectory  # [P, T, …]
     log_delta: Float[Array, " P"]
@@ -21,11 +21,11 @@ class Drawn(NamedTuple):
 
     @property
     def sampled(self) -> Trajectory:
-        """D_S, [N, T, …]."""
+        """Return D_S, [N, T, …]."""
         return self.draws_of(self.policy)
 
     def draws_of(self, tree: Any) -> Any:
-        """Of what the policy's trajectories have, [P, …], the draws' part, [N, …]."""
+        """Take the draws' rows, [N, …], of a tree with a row for each of the policy's trajectories, [P, …]."""
         return tree if self.chosen is None else take(tree, self.chosen)
 
 
@@ -41,13 +41,13 @@ def roll_out_and_draw(
 
 
 def trajectory_feasibility(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, " N"]:
-    """log δ̄(τ) of each trajectory."""
+    """Compute log δ̄(τ) of each trajectory."""
     scores = jax.vmap(nets.feasibility_scores)(trajectories)
     return log_feasibility(nets.method, nets.config.coefficients, scores)
 
 
 def calibrated(nets: BoundNetworks, expert: Trajectory) -> tuple[Params, Float[Array, " N"]]:
-    """The parameters with the thresholds of δ̄ that D_E asks for, and log δ̄ of D_E under these."""
+    """Set the thresholds of δ̄ by D_E; return the parameters, and log δ̄ of D_E under these thresholds."""
     method, coefficients, params = nets.method, nets.config.coefficients, nets.params
     scores = jax.vmap(nets.feasibility_scores)(expert)
     if method.is_ratio_test:

@@ -1,4 +1,4 @@
-"""Algorithm 1 as one fused step: rollout, sampler, adversary and policy update of one seed, one after the other."""
+"""Run Algorithm 1 as one fused step of one seed: rollout, sampler, adversary and policy update in turn."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +24,7 @@ from envs import Env
 
 
 class Trainer(NamedTuple):
-    """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure and for one seed: `vmap` for many."""
+    """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure functions of one seed."""
 
     init: Callable[[PRNGKeyArray, Trajectory], TrainState]
     step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
@@ -32,13 +32,13 @@ class Trainer(NamedTuple):
 
 
 def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
-    """The training loop's two functions for a method's row on an environment. `expert` is D_E, [N_E, T, …]."""
+    """Make the training loop's two functions for a method on an environment. `expert` is D_E, [N_E, T, …]."""
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     table = exact.plannable(env, method, config) if config.learner == "exact" else None
     nets = make_networks(env, method, config)
     num_policy = config.num_trajectories * (config.pool_factor if method.has_pool else 1)
-    # In the rows that draw D_S from a pool the terms see N trajectories of D_P ∪ replay, half of each.
+    # In methods that draw D_S from a pool, the terms see N trajectories of D_P ∪ replay, half of each.
     num_negatives = max(1, config.num_trajectories // 2) if method.has_pool else config.num_trajectories
 
     def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
@@ -103,25 +103,25 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
 
 def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
-    """The networks with this iteration's rates: (1 − step / lr_decay_iterations) of the settings'; 0 for π and V at first."""
+    """Scale the learning rates by 1 − step / lr_decay_iterations; those of π and V are 0 before `policy_delay`."""
     config = nets.config
     if not config.lr_decay_iterations and not config.policy_delay:
         return nets
     left = optax.linear_schedule(1.0, 0.0, config.lr_decay_iterations)(step)
     moves = step >= config.policy_delay
     acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
-    judging = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
-    return replace(nets, config=replace(config, ppo=acting, adversary=judging))
+    discriminating = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
+    return replace(nets, config=replace(config, ppo=acting, adversary=discriminating))
 
 
 def observation_stats(expert: Trajectory) -> ObsStats:
-    """Mean and standard deviation of D_E's observations over unmasked steps."""
+    """Compute mean and standard deviation of D_E's observations over unmasked steps."""
     weight = expert.mask / expert.mask.sum()
     mean = jnp.einsum("nt,nto->o", weight, expert.obs)
     return ObsStats(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
 
 
 def refresh(replay: Trajectory, policy: Trajectory, key: PRNGKeyArray, rate: float) -> Trajectory:
-    """Each slot of the replay is overwritten by this round's trajectory with probability `rate`."""
+    """Overwrite each slot of the replay with this iteration's trajectory with probability `rate`."""
     fresh = jax.random.bernoulli(key, rate, (policy.mask.shape[0],))
     return jax.tree.map(lambda old, new: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old), replay, policy)

@@ -20,7 +20,7 @@ class Curve(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One small multiple; `expert` names the metric that is the demonstrations' level."""
+    """One small multiple; `expert` names the metric of the demonstrations' level."""
 
     title: str
     unit: str
@@ -28,7 +28,7 @@ class Panel(NamedTuple):
     expert: str | None = None
     scale: float = 1.0
     limits: tuple[float | None, float | None] = (None, None)
-    chance: float | None = None  # the value that guessing gives
+    chance: float | None = None  # value of a guess
     of: str = "all"  # methods that have the panel: all, or those with a feasibility or a discriminator
 
 
@@ -112,7 +112,7 @@ LOGARITHMIC = {"value_loss"}
 
 
 class End(NamedTuple):
-    """The words of the caption on where a metric ends, and the metric that is the demonstrations' level."""
+    """A sentence of the caption on where a metric ends, and the metric of the demonstrations' level."""
 
     metric: str
     sentence: str
@@ -131,6 +131,7 @@ ENDS = (
 
 
 def learning_curves(result: Result) -> Drawing:
+    """Draw the learning curves of the metrics that the run has."""
     panels = [panel for panel in (_relevant(panel, result) for panel in PANELS) if panel.curves]
     figure, axes = small_multiples(len(panels))
     for axis, panel in zip(axes, panels, strict=True):
@@ -153,6 +154,7 @@ def learning_curves(result: Result) -> Drawing:
 
 
 def losses(result: Result) -> Drawing:
+    """Draw the adversary's losses and the measures of the policy's update."""
     rows = {name: (name.removeprefix("loss_").replace("_", " "), "") for name in result.history if name[:5] == "loss_"}
     defined = {name: row for name, row in (rows | HEALTH).items() if _defined(result.history.get(name))}
     figure, axes = small_multiples(len(defined))
@@ -162,8 +164,8 @@ def losses(result: Result) -> Drawing:
         axis.set_title(title)
         axis.set_ylabel(unit)
     caption = (
-        f"Optimisation, {over_seeds(result)}: the adversary's terms (blue), each as it enters the sum that is "
-        "minimised, and the policy's update (grey)."
+        f"Optimisation, {over_seeds(result)}: the adversary's terms (blue), each as it enters the minimised sum, "
+        "and the policy's update (grey)."
     )
     return Drawing("losses", figure, caption)
 
@@ -183,7 +185,7 @@ def small_multiples(number: int) -> tuple[Figure, list[Axes]]:
 
 
 def label_ends(axis: Axes, marks: Sequence[tuple[float, str, str]], gap: float = 0.11) -> None:
-    """Name each line at its right end, pushed apart where two ends are closer than `gap` of the height."""
+    """Name each line at its right end; move names apart that are closer than `gap` of the height."""
     bottom, top = axis.get_ylim()
     ordered = sorted(marks)
     wanted = np.array([(value - bottom) / (top - bottom) for value, _, _ in ordered])
@@ -195,7 +197,7 @@ def label_ends(axis: Axes, marks: Sequence[tuple[float, str, str]], gap: float =
 
 def _apart(wanted: Float[np.ndarray, " K"], gap: float) -> Float[np.ndarray, " K"]:
     """Find the ascending places nearest to the wanted ones, `gap` apart and on the axis, by isotonic regression."""
-    number, lowest = len(wanted), 0.04  # a name at the axis' corner would stand beside its last tick
+    number, lowest = len(wanted), 0.04  # a name in the corner would touch the last tick
     slack = wanted - gap * np.arange(number)
     nearest = [
         max(min(slack[first : last + 1].mean() for last in range(i, number)) for first in range(i + 1)) for i in range(number)
@@ -232,7 +234,7 @@ def _defined(values: Float[np.ndarray, "I S"] | None) -> bool:
 
 
 def _ends(result: Result) -> str:
-    """Say where the run ended, in words."""
+    """Describe where the run ended."""
     metrics, sentences = result.summary["metrics"], []
     doubles = set() if result.spec.method.draws else SAMPLER_METRICS
     for end in ENDS:

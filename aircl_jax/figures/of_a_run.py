@@ -22,26 +22,26 @@ BINS = 25
 
 def draw(result: Result) -> Iterator[Drawing]:
     """Draw every figure that applies to this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
-    env, found = result.spec.env, episodes.gather(result)
+    env, evidence = result.spec.env, episodes.gather(result)
     yield curves.learning_curves(result)
     if env.tabular is None:
-        yield from step_histograms.draw(result, found)
+        yield from step_histograms.draw(result, evidence)
         if is_additive(result):
-            yield coordinate_curves.by_coordinate(result, contributions(result, found.policy))
+            yield coordinate_curves.by_coordinate(result, contributions(result, evidence.policy))
     else:
-        yield from _of_a_table(result, env.tabular, found)
+        yield from _of_a_table(result, env.tabular, evidence)
     if result.spec.method.learns_feasibility and _has_both_labels(result):
-        yield reference_histogram(result, found)
+        yield reference_histogram(result, evidence)
     yield curves.losses(result)
 
 
-def _of_a_table(result: Result, table: Tabular, found: episodes.Evidence) -> Iterator[Drawing]:
-    """Draw a finite world as its view says. A clone has learned no reward to draw over codes or a maze."""
+def _of_a_table(result: Result, table: Tabular, evidence: episodes.Evidence) -> Iterator[Drawing]:
+    """Draw a finite world by its view. Cloning learns no reward, so it has no figure of codes or of a maze."""
     learned = not result.spec.method.clones
     match result.spec.env.view:
         case Grid() as grid:
-            yield from cells.draw(result, grid, table, found)
-            yield from paths.draw(result, grid, found)
+            yield from cells.draw(result, grid, table, evidence)
+            yield from paths.draw(result, grid, evidence)
         case Codes() as world if learned:
             yield from codes.draw(recover(result, table), world, over_seeds(result))
         case Maze() as world if learned:
@@ -68,14 +68,14 @@ def write_figures(result: Result, directory: Path) -> list[tuple[Path, str]]:
     return written
 
 
-def reference_histogram(result: Result, found: episodes.Evidence) -> Drawing:
+def reference_histogram(result: Result, evidence: episodes.Evidence) -> Drawing:
     """Draw δ̄ of the reference set's clean and violating trajectories, each label's shares summing to 1 over all seeds."""
     violating = episodes.infeasible(result.reference)
     figure = Figure(figsize=(3.4, 2.3), layout="constrained")
     axis = figure.subplots()
     edges = np.linspace(0, 1, BINS + 1).tolist()
     for label, chosen, colour in (("clean", ~violating, BLUE), ("violating", violating, ORANGE)):
-        delta = found.delta_reference[:, chosen].ravel()
+        delta = evidence.delta_reference[:, chosen].ravel()
         share = 100.0 / delta.size
         axis.hist(delta, edges, weights=np.full(delta.size, share), color=colour, alpha=0.35)
         axis.hist(delta, edges, weights=np.full(delta.size, share), color=colour, histtype="step", lw=1.2)

@@ -1,4 +1,4 @@
-"""Shared by the figures of a run: colours for colour-blind readers (Okabe & Ito 2008), sizes, a figure with its caption."""
+"""Define what all figures share: colours for colour-blind readers (Okabe & Ito 2008), sizes, a figure with its caption."""
 
 import io
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ BLUE, ORANGE, GREEN, PURPLE, BLACK, GREY = "#0072B2", "#D55E00", "#009E73", "#AA
 DPI = 200
 NOTEBOOK_DPI = 110
 OPEN: dict[RcKeyType, Any] = {"axes.spines.top": False, "axes.spines.right": False}
-LARGER: dict[RcKeyType, Any] = {**OPEN, "font.size": 8}  # Figures 2, 7 and 8: panels of the ground, twice as wide as a run's
+LARGER: dict[RcKeyType, Any] = {**OPEN, "font.size": 8}  # Figures 2, 7 and 8, whose panels are twice as wide as a run's
 STYLE: dict[RcKeyType, Any] = {
     **OPEN,
     "font.size": 7,
@@ -50,10 +50,12 @@ def over_seeds(result: Result) -> str:
 
 
 def final(result: Result, name: str, percent: bool = False) -> str:
+    """Format a metric at the end of training, or say that it is undefined."""
     row = result.summary["metrics"][name]
     return "undefined" if row["mean"] is None else in_words(row["mean"], row["std"], percent)
 
 
 def in_words(mean: float, std: float | None, percent: bool) -> str:
+    """Format mean ± std, in percent if asked."""
     scale, form, unit = (100.0, ".2f", " %") if percent else (1.0, ".3g", "")
     return f"{scale * mean:{form}}" + ("" if std is None else f" ± {scale * std:{'.2f' if percent else '.2g'}}") + unit

@@ -18,14 +18,14 @@ SHOWN = {  # metric: label, colour, least upper end of its axis
 }
 
 
-def draw(name: str, title: str, found: Mapping[str, Any]) -> Drawing:
+def draw(name: str, title: str, cell: Mapping[str, Any]) -> Drawing:
     """Draw small multiples over even places, each labelled with its value. Use within `matplotlib.rc_context(STYLE)`."""
-    shown = [metric for metric in SHOWN if metric in found["metrics"]]
+    shown = [metric for metric in SHOWN if metric in cell["metrics"]]
     figure = Figure(figsize=(7.2, 1.9), layout="constrained")
-    values, places = found["values"], np.arange(len(found["values"]))
+    values, places = cell["values"], np.arange(len(cell["values"]))
     for axis, metric in zip(figure.subplots(1, len(shown)), shown, strict=True):
         label, colour, top = SHOWN[metric]
-        seeds = np.array(found["metrics"][metric], float)
+        seeds = np.array(cell["metrics"][metric], float)
         axis.plot(places[:, None] + np.linspace(-0.15, 0.15, seeds.shape[1]), seeds, "o", color=colour, ms=1.6, alpha=0.5)
         axis.plot(places, np.nanmean(seeds, axis=1), color=colour, lw=1.2)
         low = min(0.0, 1.1 * float(np.nanmin(seeds)))
@@ -33,7 +33,7 @@ def draw(name: str, title: str, found: Mapping[str, Any]) -> Drawing:
         axis.set_xticks(places, [f"{value:g}" for value in values], rotation=60)
     figure.supxlabel(title, fontsize=7)
     caption = (
-        f"{found['method']} on the grid at {len(values)} values of `{found['setting']}`, {found['seeds']} seeds each: "
+        f"{cell['method']} on the grid at {len(values)} values of `{cell['setting']}`, {cell['seeds']} seeds each: "
         "lines are means, dots seeds; the values stand at even distances."
     )
     return Drawing(name, figure, caption)

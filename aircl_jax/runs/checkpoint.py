@@ -1,4 +1,4 @@
-"""A pytree as an Orbax directory: written beside and renamed, so that it is whole or not there; checked when read."""
+"""Save and load a pytree as an Orbax directory, which is whole or absent and is checked when read."""
 
 import json
 import shutil
@@ -17,7 +17,10 @@ _ARRAYS = "arrays"
 
 
 def save(path: Path, tree: Any) -> None:
-    """Write the tree's leaves under their names; after a kill at any moment `path` is whole or absent."""
+    """Write the tree's leaves under their names, into a folder beside `path` that is then renamed.
+
+    After a kill at any moment `path` is whole or absent.
+    """
     import orbax.checkpoint
 
     beside = path.with_name(f".saving-{path.name}")
@@ -30,10 +33,13 @@ def save(path: Path, tree: Any) -> None:
 
 
 def load(path: Path, like: T) -> T:
-    """The tree saved at `path`, with the structure of `like` (arrays or their shapes). Raises ValueError if damaged."""
+    """Load the tree saved at `path` into the structure of `like` (arrays or their shapes).
+
+    Raises ValueError where it is damaged or of another version.
+    """
     import orbax.checkpoint
 
-    # Before Orbax reads: where a file of several is damaged, it leaves its other reads to fail noisily later.
+    # Check before Orbax reads: at one damaged file among several, its other reads fail noisily later.
     if not _is_whole(path):
         raise ValueError(f"the checkpoint {path} is damaged or cut short; use overwrite=true to start again")
     with orbax.checkpoint.StandardCheckpointer() as checkpointer:
@@ -66,7 +72,7 @@ def _names_and_leaves(tree: Any) -> tuple[list[str], list[Any], Any]:
 
 
 def _raw_all(leaves: list[Any]) -> list[Any]:
-    """Typed keys as the integers that they are."""
+    """Replace typed keys by their integers."""
 
     def raw(leaf: Any) -> Any:
         return jax.random.key_data(leaf) if jax.dtypes.issubdtype(leaf.dtype, jax.dtypes.prng_key) else leaf
@@ -82,7 +88,7 @@ def _is_whole(path: Path) -> bool:
 
 
 def _crc32(directory: Path) -> int:
-    """Of every file below, names and bytes."""
+    """Compute the checksum of the names and bytes of every file below the directory."""
     checksum = 0
     for file in sorted(path for path in directory.rglob("*") if path.is_file()):
         name = file.relative_to(directory).as_posix()

@@ -1,7 +1,7 @@
-"""The run directory: settings, metrics, timing, checkpoints and summary, whole after a kill at any moment.
+"""Write and read a run directory: settings, metrics, timing, checkpoints and summary, whole after a kill at any moment.
 
-A chunk ends with metrics.jsonl, then the checkpoint by a rename, then timing.jsonl. What the files hold beyond the
-newest checkpoint is cut off on resume, so that a resumed metrics.jsonl has the bytes of the uninterrupted one.
+Each chunk writes metrics.jsonl, then renames the checkpoint into place, then writes timing.jsonl. Resuming cuts off lines
+beyond the newest checkpoint, so that a resumed metrics.jsonl has the bytes of the uninterrupted one.
 """
 
 import fcntl
@@ -28,16 +28,17 @@ CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
 SUMMARY, REPORT, FIGURES = "summary.json", "report.md", "figures"
 CARD, CARD_WORDS = "card.json", "card.md"
 _OWN = (CONFIG, METRICS, TIMING, STATE, SUMMARY, REPORT, FIGURES, CARD, CARD_WORDS)
-_FREE = ("iterations", "demonstrations.source")  # what a resumed run may change: its length, and a file's name
+_FREE = ("iterations", "demonstrations.source")  # settings that a resumed run may change: its length, and a file's name
 
-Settings = Mapping[str, Any]  # of a run, nested, as config.yaml holds them
+Settings = Mapping[str, Any]  # nested settings of a run, as config.yaml holds them
 
 
 @dataclass
 class RunDirectory:
-    """One run's files. A recorder, see `runs.recorder`.
+    """One run's files, which also record its chunks; see `runs.recorder`.
 
-    `chunk` is the iterations between two checkpoints, `start` the one to continue from, `finished` whether none is left.
+    `chunk` is the number of iterations between two checkpoints, `start` the iteration to continue from, and `finished`
+    whether no iteration is left.
     """
 
     path: Path
@@ -48,7 +49,7 @@ class RunDirectory:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Hold the directory, ready to be written: an old run is cleared, a resumed one cut off at its checkpoint."""
+        """Lock the directory and prepare it: clear an old run, or cut a resumed one off at its checkpoint."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             lock = _lock(self.path)
@@ -73,24 +74,27 @@ class RunDirectory:
         cut(self.path / TIMING, sum(line["iteration"] <= self.start for line in self.timing()))
 
     def on_chunk(self, iteration: int, states: Any, rows: Sequence[Row], timing: Mapping[str, Any]) -> None:
-        """Write the chunk, in the order that a resumed run relies on."""
+        """Write the chunk in the order on which a resumed run relies."""
         self.append_metrics(rows)
         self.save(states, iteration)
         self.append_timing(timing)
 
     def append_metrics(self, rows: Sequence[Row]) -> None:
-        """A line per iteration, every metric a list over seeds."""
+        """Append one line per iteration, every metric a list over seeds."""
         lines = [to_json({name: row[name] for name in sorted(row)}) + "\n" for row in rows]
         with (self.path / METRICS).open("a") as file:
             file.write("".join(lines))
 
     def append_timing(self, timing: Mapping[str, Any]) -> None:
-        """A line per chunk."""
+        """Append one line per chunk."""
         with (self.path / TIMING).open("a") as file:
             file.write(json.dumps(timing) + "\n")
 
     def save(self, state: Any, iteration: int) -> None:
-        """The checkpoint of an iteration; of older ones the last multiple of the chunk stays, where longer runs start."""
+        """Save the checkpoint of an iteration and remove older ones.
+
+        The last checkpoint at a multiple of the chunk stays, because a longer run starts there.
+        """
         from aircl_jax.runs import checkpoint
 
         (self.path / STATE).mkdir(exist_ok=True)
@@ -100,7 +104,7 @@ class RunDirectory:
                 _discard(path)
 
     def load(self, like: Any) -> Any:
-        """The state at `start`, shaped and placed as `like`. Raises ValueError where it is damaged."""
+        """Load the state at `start`, shaped and placed as `like`. Raises ValueError where it is damaged."""
         from aircl_jax.runs import checkpoint
 
         return checkpoint.load(_checkpoint(self.path, self.start), like)
@@ -130,13 +134,13 @@ class RunDirectory:
 def open_run(
     path: Path, settings: Settings, chunk: int, existing: Literal["refuse", "resume", "overwrite"] = "refuse"
 ) -> RunDirectory:
-    """Decide where a run in this directory starts; writes nothing. Raises ValueError where it may not be used."""
+    """Decide where a run in this directory starts, and write nothing. Raises ValueError where it may not be used."""
     if path.exists() and not path.is_dir():
         raise ValueError(f"run_dir={path} is a file; choose a directory")
     _check_writable(path)
-    held = {entry.name for entry in path.iterdir()} if path.exists() else set()
-    if CONFIG not in held:
-        foreign = sorted(name for name in held if name not in _OWN and not name.startswith(f".{CONFIG}"))
+    names = {entry.name for entry in path.iterdir()} if path.exists() else set()
+    if CONFIG not in names:
+        foreign = sorted(name for name in names if name not in _OWN and not name.startswith(f".{CONFIG}"))
         if foreign:
             raise ValueError(f"run_dir={path} holds other files ({foreign[0]}, …) and no run; choose another directory")
         return RunDirectory(path, settings, chunk)
@@ -148,7 +152,10 @@ def open_run(
 
 
 def open_saved(path: Path) -> RunDirectory:
-    """A run for reading, as far as its newest checkpoint, whether it is finished or still going on. Raises ValueError."""
+    """Open a run for reading at its newest checkpoint, whether it is finished or still training.
+
+    Raises ValueError where there is no run, or none with a checkpoint.
+    """
     if not (path / CONFIG).is_file():
         raise ValueError(f"run_dir={path} holds no run; choose a directory with a {CONFIG}")
     try:
@@ -162,7 +169,7 @@ def open_saved(path: Path) -> RunDirectory:
 
 
 def existing(resume: bool, overwrite: bool) -> Literal["refuse", "resume", "overwrite"]:
-    """What to do with a run that is there already. Raises ValueError where both are asked for."""
+    """Return how to treat an existing run. Raises ValueError where both are requested."""
     if resume and overwrite:
         raise ValueError("resume=true and overwrite=true exclude each other; choose one")
     return "resume" if resume else "overwrite" if overwrite else "refuse"
@@ -210,7 +217,7 @@ def _check_writable(path: Path) -> None:
 
 
 def _lock(path: Path) -> int:
-    """A handle that holds the directory until it is closed. Raises ValueError where another process holds it."""
+    """Lock the directory until the returned handle is closed. Raises ValueError where another process holds it."""
     handle = os.open(path, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -225,13 +232,13 @@ def _checkpoint(path: Path, iteration: int) -> Path:
 
 
 def _checkpoints(path: Path) -> dict[int, Path]:
-    """The whole checkpoints, by iteration."""
+    """List the whole checkpoints by iteration."""
     state = path / STATE
     return {int(entry.name): entry for entry in sorted(state.iterdir()) if entry.name.isdigit()} if state.is_dir() else {}
 
 
 def _discard(checkpoint: Path) -> None:
-    """Remove a checkpoint such that a kill leaves no part of it under its name."""
+    """Rename a checkpoint and remove it, so that a kill leaves no part of it under its name."""
     doomed = checkpoint.with_name(".discarded")
     shutil.rmtree(doomed, ignore_errors=True)
     checkpoint.rename(doomed)
@@ -239,7 +246,7 @@ def _discard(checkpoint: Path) -> None:
 
 
 def _clear(path: Path) -> None:
-    """Remove what a run leaves, its settings first: without them the rest counts as no run."""
+    """Remove a run's files, its settings first: without them the rest counts as no run."""
     for name in _OWN:
         entry = path / name
         shutil.rmtree(entry) if entry.is_dir() else entry.unlink(missing_ok=True)

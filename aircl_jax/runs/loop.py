@@ -1,4 +1,4 @@
-"""One sitting of a run: chunks of iterations, and between them the host's work: measure, and tell the recorders."""
+"""Train a run in chunks of iterations; after each chunk, evaluate and call the recorders."""
 
 import signal
 import threading
@@ -17,9 +17,9 @@ Evaluate = Callable[[TrainState], Row]
 
 
 class Stopwatch:
-    """Wall time, and the part of it that went into lowering and compiling, since the start or the last lap."""
+    """Measure wall time since the start or the last lap, and the part of it that lowering and compiling took."""
 
-    compiling: float = 0.0  # of this process; what jax reports is not tied to a stopwatch
+    compiling: float = 0.0  # seconds of this process, because JAX's reports belong to no single stopwatch
     listening: bool = False
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Stopwatch:
         self.now, self.compiled = time.perf_counter(), Stopwatch.compiling
 
     def lap(self) -> dict[str, float]:
-        """The seconds since the last lap, and the compile seconds among them."""
+        """Return the seconds since the last lap, and the compile seconds among them."""
         now, compiled = time.perf_counter(), Stopwatch.compiling
         seconds, compile_s = now - self.now, compiled - self.compiled
         self.now, self.compiled = now, compiled
@@ -56,8 +56,8 @@ def run_session(
 ) -> tuple[TrainState, Row]:
     """Train from `start` to `iterations`, and return the states and their evaluation.
 
-    `env_steps` are those of one iteration of all seeds. The first chunk's time is that since `stopwatch` was started,
-    a later one's that since the chunk before: what recorders take counts for the chunk after them.
+    `env_steps` counts the steps of one iteration over all seeds. The first chunk's time runs from the start of
+    `stopwatch`, a later chunk's from the end of the chunk before, so that it includes the recorders' time between them.
 
     Chunks end at multiples of `chunk` wherever the run starts or ends, so a resumed run compiles and computes the same.
     An interrupt waits for the chunk's end and all recorders; then KeyboardInterrupt is raised.
@@ -91,7 +91,7 @@ def run_session(
 
 @contextmanager
 def defects_apart() -> Iterator[None]:
-    """Keep a ValueError of the computation, which is a defect, apart from that of bad input."""
+    """Re-raise a ValueError from inside training as RuntimeError, so that callers can treat ValueError as bad input."""
     try:
         yield
     except ValueError as error:
@@ -100,7 +100,7 @@ def defects_apart() -> Iterator[None]:
 
 @contextmanager
 def _noted_interrupts() -> Iterator[list[int]]:
-    """The interrupts that arrive meanwhile, noted instead of raised; a second one is raised at once."""
+    """Collect interrupts in the yielded list instead of raising them; a second interrupt is raised at once."""
     noted: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield noted

@@ -1,4 +1,4 @@
-"""What is told of a run as it goes: the run's directory, a progress bar, and recorders of one's own."""
+"""Define recorders, which a run calls after each chunk: its directory, a progress bar, or the user's own."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,28 +13,28 @@ Row = Mapping[str, np.ndarray]  # one iteration's metrics, each [S]
 
 @runtime_checkable
 class Recorder(Protocol):
-    """Whatever has `on_chunk`. What it raises ends the run; recorders before it have been told by then."""
+    """Any object with `on_chunk`. An exception from it ends the run, after the recorders before it were called."""
 
     def on_chunk(self, iteration: int, states: Any, rows: Sequence[Row], timing: Mapping[str, Any]) -> None:
         """Note a chunk: the iteration reached, the states of all seeds, the chunk's rows and its line of timing.
 
-        The next chunk uses the states' memory again: copy what is to be kept, as with `jax.device_get`.
+        The next chunk reuses the states' memory. Copy the states to keep them, for instance with `jax.device_get`.
         """
         ...
 
 
 @runtime_checkable
 class StartRecorder(Protocol):
-    """A recorder that also has `on_start` is told of the start, before anything is compiled."""
+    """A recorder whose `on_start` is called before anything is compiled."""
 
     def on_start(self, iteration: int, iterations: int) -> None:
-        """Note where the run starts and how far it is to go."""
+        """Note the iteration at which the run starts and the one at which it ends."""
         ...
 
 
 @dataclass
 class Memory:
-    """Keeps rows and timing of a run that has no directory."""
+    """Keep rows and timing of a run without a directory."""
 
     rows: list[Row] = field(default_factory=list)
     lines: list[Mapping[str, Any]] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""What a training leaves: the summary, the history and the learned functions of each seed."""
+"""Hold the result of a training: the summary, the history and the learned functions of each seed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ from aircl_jax.types import TrainState, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What training left: the summary, every iteration's metrics, and the learned functions of each seed."""
+    """The result of a training: the summary, every iteration's metrics, and the learned functions of each seed."""
 
     summary: Mapping[str, Any]  # as in summary.json
-    alarms: list[str]  # sentences on what looks degenerate
+    alarms: list[str]  # sentences on degenerate results
     history: Mapping[str, np.ndarray]  # {metric: [iterations, S]}, NaN where undefined
     spec: RunSpec
     networks: Networks
@@ -31,30 +31,30 @@ class Result:
     run_dir: Path | None
 
     def state(self, index: int = 0) -> TrainState:
-        """The final state of the seed at this place of `summary["seeds"]`."""
+        """Return the final state of the seed at this place of `summary["seeds"]`."""
         return jax.tree.map(lambda leaf: leaf[index], self.states)
 
     def bound(self, index: int = 0) -> BoundNetworks:
-        """The networks with what the seed at this place has learned."""
+        """Return the networks with the parameters of the seed at this place."""
         state = self.state(index)
         return self.networks.bind(state.params, state.obs_stats)
 
     def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"], index: int = 0) -> Float[Array, ""]:
-        """The learned f_θ(s, a). Raises ValueError where the method learns none."""
+        """Compute the learned f_θ(s, a). Raises ValueError where the method learns none."""
         if not self.networks.method.learns_reward:
             raise ValueError(f"method={self.spec.method_name} learns no reward; choose one that does")
         return self.bound(index).reward(obs, action)
 
     def feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, ""]:
-        """The learned δ̄_φ(τ) of one trajectory, between 0 and 1."""
+        """Compute the learned δ̄_φ(τ) of one trajectory, between 0 and 1."""
         scores = self.bound(index).feasibility_scores(trajectory)
         return jnp.exp(log_feasibility(self.networks.method, self.networks.config.coefficients, scores))
 
     def step_feasibility(self, trajectory: Trajectory, index: int = 0) -> Float[Array, " T"]:
-        """The learned δ₁ of each step of one trajectory; 1 where the method has no such factor."""
+        """Compute the learned δ₁ of each step of one trajectory; 1 where the method has no such factor."""
         scores = self.bound(index).feasibility_scores(trajectory)
         return jnp.exp(log_step_feasibility(self.networks.method, self.networks.config.coefficients, scores))
 
     def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
-        """The learned π_ω(·|s_t), a distrax distribution over actions."""
+        """Return the learned π_ω(·|s_t), a distrax distribution over actions."""
         return self.bound(index).policy(obs, jnp.asarray(t))

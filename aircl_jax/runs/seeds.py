@@ -1,4 +1,4 @@
-"""Many seeds as one program, sharded over devices: seed s is the integer s, alone or among others."""
+"""Run many seeds as one program, sharded over devices: seed s is the integer s, alone or among others."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -13,7 +13,7 @@ from aircl_jax.algorithm.trainer import Trainer
 from aircl_jax.types import Metrics, TrainState
 
 SEED = PartitionSpec("seed")
-Expert = Any  # Trajectory [S, N, T, …]: D_E of each seed; whatever else a trainer takes in its place
+Expert = Any  # Trajectory [S, N, T, …]: D_E of each seed, or whatever else a trainer takes in its place
 
 
 class Runner(NamedTuple):
@@ -24,24 +24,24 @@ class Runner(NamedTuple):
 
 
 def seed_keys(seeds: Sequence[int]) -> Key[Array, " S"]:
-    """The key of each seed, [S]."""
+    """Make the key of each seed, [S]."""
     return jax.vmap(jax.random.key)(jnp.asarray(seeds, jnp.uint32))
 
 
 def over_seeds(of: Callable[..., Any]) -> Callable[..., Any]:
-    """`of`, for one seed, over the leading axis of all its arguments: a `vmap` on accelerators.
+    """Map `of`, a function of one seed, over the leading axis of all its arguments, by `vmap` on accelerators.
 
-    On a CPU a device's seeds go one after another: the arrays of one stay in the cache, those of five do not.
+    On a CPU a device's seeds run one after another, because the arrays of one seed fit the cache and those of five do not.
     """
     if jax.default_backend() != "cpu":
         return jax.vmap(of)
-    return lambda *batched: jax.lax.map(lambda one: of(*one), batched)
+    return lambda *batched: jax.lax.map(lambda arguments: of(*arguments), batched)
 
 
 def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
-    """The trainer over all seeds: one jit, `lax.scan` over a chunk, `over_seeds` within, shards of seeds on every device.
+    """Run the trainer over all seeds: one jit, `lax.scan` over a chunk, `over_seeds` within, shards of seeds on every device.
 
-    `expert` is [S, N, T, …]: every seed has its own demonstrations (the same ones where they come from a file).
+    `expert` is [S, N, T, …]. Every seed has its own demonstrations, which are the same where they come from a file.
     """
     shard, place = spread(len(seeds))
     init = jax.jit(shard(over_seeds(trainer.init), in_specs=(SEED, SEED)))
@@ -67,7 +67,7 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
 def make_evaluator(
     evaluate: Callable[[TrainState, Expert, Any], Metrics], num_seeds: int
 ) -> Callable[[TrainState, Expert, Any], Metrics]:
-    """`evaluate(state, expert, shared)` of every seed, [S, …]; `shared` is one for all. Spread as in training."""
+    """Map `evaluate(state, expert, shared)` over the seeds, [S, …], spread as in training; all seeds get the same `shared`."""
     shard, place = spread(num_seeds)
 
     def on_device(states: TrainState, expert: Expert, shared: Any) -> Metrics:
@@ -78,9 +78,9 @@ def make_evaluator(
 
 
 def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
-    """Spread seeds over the devices: `jax.shard_map` of the leading axis of what goes in and out, and what places a tree so.
+    """Spread seeds over the devices; return `jax.shard_map` over the leading axis of inputs and outputs, and a placer of trees.
 
-    Where something comes out with its seeds elsewhere, the call says `out_specs=…`.
+    A call passes `out_specs=…` where an output has its seeds on another axis.
     """
     mesh = jax.make_mesh((_shards(num_seeds),), ("seed",), axis_types=(AxisType.Auto,))
     sharding = NamedSharding(mesh, SEED)
@@ -88,5 +88,5 @@ def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
 
 
 def _shards(num_seeds: int) -> int:
-    """The most devices that share the seeds evenly."""
+    """Return the largest number of devices that share the seeds evenly."""
     return max(count for count in range(1, jax.device_count() + 1) if num_seeds % count == 0)

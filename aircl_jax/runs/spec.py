@@ -1,4 +1,4 @@
-"""All that determines a run's numbers, put together and checked before anything is computed or written."""
+"""Collect and check everything that determines a run's numbers, before anything is computed or written."""
 
 import hashlib
 from collections.abc import Mapping
@@ -26,8 +26,9 @@ from envs.settings import at_least, plain, updated
 class RunSpec:
     """A checked run.
 
-    `own` holds the user's demonstrations, `reference` what lies beside their file to score by; None where the
-    environment's own are used, and where nothing lies there. Without a name no run can be loaded: `named` is False.
+    `own` holds the user's demonstrations, and None where the environment's own are used. `reference` holds the reference
+    set beside their file, and None where there is none. `named` is False for an environment without a name, whose runs
+    cannot be loaded.
     """
 
     env: Env
@@ -41,11 +42,11 @@ class RunSpec:
     source: str
     own: Trajectory | None
     reference: Trajectory | None
-    digest: str  # of recorded or own demonstrations, and of the reference set beside the latter; else empty
+    digest: str  # SHA-256 of recorded or own demonstrations and of the reference set beside the latter; else empty
 
     @property
     def settings(self) -> dict[str, Any]:
-        """As config.yaml holds them, and as a resumed run must repeat them."""
+        """Return the settings as config.yaml holds them and a resumed run must repeat them."""
         config = plain(asdict(self.config))
         return {
             "env": {"name": self.env.name, **plain(self.env_settings)} if self.named else {"name": self.env.name, "own": True},
@@ -60,7 +61,7 @@ class RunSpec:
 
     @property
     def env_steps(self) -> int:
-        """Environment steps of one iteration, of the trajectories that enter an update, over all seeds."""
+        """Count the environment steps of one iteration over all seeds, in the trajectories that enter an update."""
         pool = self.config.pool_factor if self.method.has_pool else 1
         return len(self.seeds) * self.config.num_trajectories * pool * self.env.horizon
 
@@ -77,7 +78,7 @@ def make_spec(
     env_settings: Mapping[str, Any],
     config: TrainConfig | Mapping[str, Any],
 ) -> RunSpec:
-    """Resolve names, defaults and files. Raises ValueError, in one line, for whatever does not fit."""
+    """Resolve names, defaults and files. Raises ValueError, in one line, for settings that do not fit."""
     if isinstance(env, Env) and env_settings:
         raise ValueError(
             f"env_settings are given beside the Env {env.name}, which has its own; choose make_env(name, **settings)"
@@ -98,7 +99,7 @@ def make_spec(
     count, first = at_least("seeds", seeds, 1), at_least("first_seed", first_seed, 0)
     if first + count > REFERENCE_SEED:
         raise ValueError(f"first_seed={first}, seeds={count}: a seed is too great; choose seeds below {REFERENCE_SEED}")
-    own, reference = _given(demonstrations, world)
+    own, reference = _own_demonstrations(demonstrations, world)
     unknown = not world.has_reward if own is None else np.isnan(own.reward).any()
     if row.needs_true_reward and "contrast" in row.terms and unknown:
         whose = f"env={world.name}" if own is None else f"demonstrations={demonstrations}"
@@ -120,9 +121,9 @@ def make_spec(
 
 
 def read_spec(settings: Mapping[str, Any]) -> RunSpec:
-    """Read the spec from its `settings`, under their names of today or of before.
+    """Read the spec from its `settings`, under their present or their earlier names.
 
-    Raises ValueError where a world or a file of then is not known now.
+    Raises ValueError where an environment or a file no longer exists.
     """
     settings = renamed(settings)
     env, demonstrations = settings["env"], settings["demonstrations"]
@@ -148,8 +149,8 @@ def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, A
     return build(name, options), asdict(options)
 
 
-def _given(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Trajectory | None]:
-    """One's own D_E, and the reference set beside it, NAME_reference.npz, where the world knows none itself."""
+def _own_demonstrations(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Trajectory | None]:
+    """Read the user's own D_E, and NAME_reference.npz beside it where the environment has no reference set itself."""
     if demonstrations == "default":
         return None, None
     beside = Path(demonstrations).with_name(f"{Path(demonstrations).stem}_reference.npz")
@@ -158,7 +159,7 @@ def _given(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Tra
 
 
 def _read_for(env: Env, own: Trajectory | None, reference: Trajectory | None) -> list[Trajectory]:
-    """What is read from files of the user, whose content a resumed run must find again."""
+    """List the trajectories read from the user's files, whose content a resumed run must find again."""
     if own is not None:
         return [own] if reference is None else [own, reference]
     return [] if env.recorded is None else [files.from_arrays(env.recorded.demonstrations(), env)]

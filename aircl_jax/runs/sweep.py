@@ -1,4 +1,4 @@
-"""A sweep over one coefficient: every value and every seed in one program that is compiled once."""
+"""Sweep over one coefficient: every value and every seed in one program that is compiled once."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -22,7 +22,7 @@ from aircl_jax.types import Metrics, TrainState, Trajectory
 
 
 def sweep(spec: RunSpec, coefficient: str, values: Sequence[float]) -> dict[str, Float[np.ndarray, "V S"]]:
-    """Train a run at each value of a coefficient; every metric of the evaluation at the end, of each value and seed.
+    """Train a run at each value of a coefficient; return every metric of the final evaluation by value and seed.
 
     Seed s starts from the same state and sees the same demonstrations at every value, so that values are paired by seed.
 
@@ -58,7 +58,7 @@ def _with_value(config: TrainConfig, coefficient: str, value: Scalar) -> TrainCo
 
 
 def _trainer(spec: RunSpec, coefficient: str) -> Trainer:
-    """A trainer whose second argument is D_E and the coefficient's value."""
+    """Make a trainer whose second argument is D_E and the coefficient's value."""
 
     def of(value: Float[Array, ""]) -> Trainer:
         return make_trainer(spec.env, spec.method, _with_value(spec.config, coefficient, value))

@@ -1,4 +1,4 @@
-"""Names of the columns in a table of tracks: a YAML file for every kind of animal and format."""
+"""Read the names of the columns in a table of tracks from a YAML file, one for every kind of animal and format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -17,20 +17,20 @@ class ColumnMapping:
     """Names of the columns and their allowed values. Empty `behaviours` or `places` allow whatever the tables hold."""
 
     name: str
-    columns: dict[str, Any]  # ours → theirs; `coordinates` is one column "[x;y;z]" or a list of columns
+    columns: dict[str, Any]  # our name → the table's; `coordinates` is one column "[x;y;z]" or a list of columns
     recording: str = "file"  # one recording per file, or the column that names it
     site: str = ""  # regular expression whose first group, in the recording's name, is the camera
     step: float = 1.0  # time between two rows of a track; a longer one is a gap
     behaviours: tuple[str, ...] = ()
     places: tuple[str, ...] = ()
-    groups: tuple[str, ...] = ()  # kept
-    other_groups: tuple[str, ...] = ()  # known, and kept only if asked for
-    no_behaviour: str = ""  # the label of animals of the other groups, whose behaviour was not annotated
+    groups: tuple[str, ...] = ()  # groups whose rows are used
+    other_groups: tuple[str, ...] = ()  # groups whose rows are used only if asked for
+    no_behaviour: str = ""  # label of animals of the other groups, whose behaviour was not annotated
     moving: str = ""  # the behaviour that becomes "moving to PLACE"
-    missing_coordinates: tuple[float, ...] = ()  # where these stand, the position is unknown
-    map_axes: tuple[int, int] = (0, 1)  # which two coordinates span the ground
+    missing_coordinates: tuple[float, ...] = ()  # coordinates that stand for an unknown position
+    map_axes: tuple[int, int] = (0, 1)  # the two coordinates that span the ground
     coordinate_scale: float = 1.0  # figures show coordinates divided by this
-    coordinate_unit: str = "unknown unit"  # in words, of what figures show
+    coordinate_unit: str = "unknown unit"  # unit of the scaled coordinates, in words
 
 
 def load_mapping(name: str) -> ColumnMapping:
@@ -40,19 +40,19 @@ def load_mapping(name: str) -> ColumnMapping:
         shipped = ", ".join(sorted(file.stem for file in MAPPINGS.glob("*.yaml")))
         raise ValueError(f"unknown mapping {name!r}; choose from {shipped}, or give a YAML file")
     try:
-        given = yaml.safe_load(path.read_text(encoding="utf-8"))
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
     known = [field.name for field in fields(ColumnMapping)]
-    if not isinstance(given, dict) or not isinstance(given.get("columns"), dict):
+    if not isinstance(entries, dict) or not isinstance(entries.get("columns"), dict):
         raise ValueError(f"{path}: a mapping needs the key 'columns'; its keys are {', '.join(known)}")
-    given.setdefault("name", path.stem)
-    _check_keys(path, given, known)
-    _check_keys(path, given["columns"], [*REQUIRED, *OPTIONAL])
+    entries.setdefault("name", path.stem)
+    _check_keys(path, entries, known)
+    _check_keys(path, entries["columns"], [*REQUIRED, *OPTIONAL])
     for column in REQUIRED:
-        if column not in given["columns"]:
+        if column not in entries["columns"]:
             raise ValueError(f"{path}: columns lacks {column!r}; it needs {', '.join(REQUIRED)}")
-    return ColumnMapping(**{key: _converted(path, key, value) for key, value in given.items()})
+    return ColumnMapping(**{key: _converted(path, key, value) for key, value in entries.items()})
 
 
 def _labels(value: Any) -> tuple[str, ...]:
@@ -81,7 +81,7 @@ def _converted(path: Path, key: str, value: Any) -> Any:
         raise ValueError(f"{path}: {key}: {value!r} is not what this key takes; see docs/animals.md") from None
 
 
-def _check_keys(path: Path, given: dict[str, Any], known: list[str]) -> None:
-    for key in given:
+def _check_keys(path: Path, entries: dict[str, Any], known: list[str]) -> None:
+    for key in entries:
         if key not in known:
             raise ValueError(f"{path}: unknown key {key!r}; choose from {', '.join(known)}")

@@ -1,4 +1,4 @@
-"""Folder of the animals' data: `env.data`, else the variable AIRCL_DATA, else none, and the animals are simulated."""
+"""Find the folder of the animals' data: `env.data`, else the variable AIRCL_DATA, else none for simulated animals."""
 
 import os
 from pathlib import Path
@@ -7,9 +7,10 @@ VARIABLE = "AIRCL_DATA"  # a folder with meerkat/ and labyrinth/ in it
 
 
 def data_folder(setting: str, name: str) -> Path | None:
-    """Find the folder of one animal's data; None where it is simulated. Raises ValueError for a folder that is not there.
+    """Find the folder of one animal's data; None where it is simulated. Raises ValueError for a missing folder.
 
-    `setting` is a folder (or one that holds a folder `name`), `simulated`, or `default`: the variable's, if it is set.
+    `setting` is a folder (or one that holds a folder `name`), `simulated`, or `default`. The last means the folder of the
+    variable where that is set, and simulated data otherwise.
     """
     if setting == "simulated" or (setting == "default" and not os.environ.get(VARIABLE)):
         return None

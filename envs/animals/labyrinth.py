@@ -1,4 +1,4 @@
-"""Mice in a labyrinth: 127 nodes of a binary tree, four actions, known deterministic dynamics; or simulated mice.
+"""Make the labyrinth of recorded or simulated mice: 127 nodes of a binary tree, four actions, deterministic dynamics.
 
 The tables are `emissions.npy` [recordings, steps, 2] = (node, action) and `trans_probs.npy` [node, action, node], as
 packed by BRAINML-GT/SWIRL from the recordings of Rosenberg et al. 2021.
@@ -43,7 +43,7 @@ SIMULATED_MARKS = MARKS | {"bait": SIMULATED_BAIT, "forbidden": SIMULATED_FORBID
 
 
 class Mice(NamedTuple):
-    """Recordings and dynamics. For real mice reward and forbidden nodes are unknown: NaN."""
+    """Recordings and dynamics. Reward and forbidden nodes are NaN for real mice, because they are unknown."""
 
     node: Int[np.ndarray, "R L"]
     action: Int[np.ndarray, "R L"]
@@ -54,7 +54,7 @@ class Mice(NamedTuple):
 
 
 def load(options: LabyrinthOptions) -> Mice:
-    """Load the recordings, or simulate them. Raises ValueError, one line with the file, for an array not as described."""
+    """Load the recordings, or simulate them. Raises ValueError, in one line with the file, for an array of another form."""
     mice = _load(data_folder(options.data, "labyrinth"))
     if not 1 <= options.horizon <= mice.node.shape[1]:
         raise ValueError(f"env.horizon={options.horizon}: recordings have {mice.node.shape[1]} steps; choose 1 to that")
@@ -96,7 +96,7 @@ def _array(folder: Path, name: str) -> np.ndarray:
 
 
 def _tree() -> Int[np.ndarray, "X A"]:
-    """List successors in a binary tree whose node n has the children 2n + 1 and 2n + 2. A move to nowhere stays."""
+    """List successors in a binary tree whose node n has the children 2n + 1 and 2n + 2. A move without a target stays."""
     node = np.arange(NUM_NODES)
     child = 2 * node[:, None] + np.array([1, 2])
     child = np.where(child < NUM_NODES, child, node[:, None])
@@ -183,15 +183,15 @@ def make_labyrinth(options: LabyrinthOptions) -> Env:
 
 
 def _windows(values: Int[np.ndarray, "R L"], options: LabyrinthOptions) -> Int[np.ndarray, "N T"]:
-    """Cut recordings into windows of `horizon` steps. What is left at a recording's end is dropped."""
+    """Cut recordings into windows of `horizon` steps, and drop the rest at a recording's end."""
     whole = values.shape[1] // options.horizon * options.horizon
     return values[:, :whole].reshape(-1, options.horizon)
 
 
 def demonstrations(options: LabyrinthOptions, split: Split = "all") -> dict[str, np.ndarray]:
-    """obs [N, T, O], action, mask, reward, cost [N, T] of the windows; fold k holds out recordings k, k + 10, k + 20, …
+    """Return obs [N, T, O], action, mask, reward, cost [N, T] of the windows; fold k holds out recordings k, k + 10, …
 
-    Raises ValueError for a fold that is not there.
+    Raises ValueError for a fold that does not exist.
     """
     if not 0 <= options.fold < FOLDS:
         raise ValueError(f"env.fold={options.fold}: choose 0 to {FOLDS - 1}")

@@ -1,7 +1,7 @@
-"""Meerkats as a Markov decision process over codes, from tables of tracks or from the simulated mob.
+"""Make a Markov decision process over codes from tables of meerkats' tracks, or from simulated meerkats.
 
-State: the code now, one-hot; action: the code one row later; the action is the next state. Step t of a window has obs
-one_hot(c_t) and action c_{t+1}, so that a window of T steps needs T + 1 codes (`envs.animals.windows`).
+The state is the present code, one-hot. The action is the code one row later, and becomes the next state. Step t of a window
+has obs one_hot(c_t) and action c_{t+1}, so that a window of T steps needs T + 1 codes (`envs.animals.windows`).
 """
 
 from collections.abc import Callable
@@ -26,13 +26,13 @@ from envs.views import Codes, Coordinates
 Split = Literal["all", "train", "held_out"]
 Transition = Callable[[PRNGKeyArray, Int[Array, ""], Int[Array, ""]], tuple[Int[Array, ""], Step]]
 
-MOST_NEIGHBOURS = 3  # counts above are counted as this, which keeps the states of env.state=place few
-BACK_OFF = 1.0  # rows that P(x'|x) weighs beside the rows seen in (x, a)
-REFERENCE_SEED = 1  # of the simulated mob without its constraint
+MOST_NEIGHBOURS = 3  # larger counts are cut to this, which keeps the states of env.state=place few
+BACK_OFF = 1.0  # weight of P(x'|x) beside the rows seen in (x, a), in rows
+REFERENCE_SEED = 1  # seed of the simulated meerkats without their constraint
 
 
 class Herd(NamedTuple):
-    """The windows of one world; `truth` is None for real animals."""
+    """The windows of one data set; `truth` is None for real animals."""
 
     windows: Windows
     truth: simulated_meerkats.Truth | None
@@ -40,7 +40,10 @@ class Herd(NamedTuple):
 
 
 def load(options: MeerkatOptions) -> Herd:
-    """Read, validate, code and cut the tables, or simulate. ValueError as from `envs.animals.tracks`, or for a bad setting."""
+    """Read, validate, code and cut the tables, or simulate them.
+
+    Raises ValueError as `envs.animals.tracks` does, and for a bad setting.
+    """
     if options.horizon < 1:
         raise ValueError(f"env.horizon={options.horizon}: an episode needs at least 1 step")
     folder = data_folder(options.data, "meerkat")
@@ -67,7 +70,7 @@ def _load(options: MeerkatOptions, folder: Path | None) -> Herd:
 
 
 def _impossible(windows: Windows, mapping: ColumnMapping, options: MeerkatOptions) -> Bool[np.ndarray, "C C"]:
-    """Mark impossible pairs of codes: those that no one camera sees, and two moves in a row, which are one bout."""
+    """Mark impossible pairs of codes: those that no camera sees together, and two moves in a row, which are one bout."""
     size, sites = len(windows.names), np.unique(windows.site)
     seen = np.array([np.isin(np.arange(size), windows.code[windows.site == site]) for site in sites])
     together = (seen[:, :, None] & seen[:, None, :]).any(axis=0)
@@ -77,7 +80,7 @@ def _impossible(windows: Windows, mapping: ColumnMapping, options: MeerkatOption
 
 
 def make_meerkat(options: MeerkatOptions) -> Env:
-    """Make the world of the windows. Only the simulated mob has a true reward and cost. Raises ValueError as `load` does."""
+    """Make the world of the windows. Only simulated meerkats have a true reward and cost. Raises ValueError as `load` does."""
     herd = load(options)
     table = {"code": _code_table, "place": _place_table}[options.state](herd)
     step = _code_step(herd, table) if options.state == "code" else _table_step(table)
@@ -108,16 +111,17 @@ def make_meerkat(options: MeerkatOptions) -> Env:
 def _truth_arrays(
     truth: simulated_meerkats.Truth | None, size: int
 ) -> tuple[Float[np.ndarray, "C C"], Float[np.ndarray, "C C"]]:
-    """True reward and cost [from code, to code], NaN where nothing is known."""
+    """Return the true reward and cost, [from code, to code], NaN where they are unknown."""
     if truth is None:
         return np.full((size, size), np.nan), np.full((size, size), np.nan)
     return truth.reward, truth.forbidden.astype(float)
 
 
 def _code_table(herd: Herd) -> Tabular:
-    """States 0 … C − 1: the code; C … 2C − 1: the code, entered by a forbidden transition (simulated mob only).
+    """Build tables whose states 0 … C − 1 are the codes.
 
-    `cost` is thus met one step after the forbidden transition, where `step` charges it at once.
+    Simulated meerkats add states C … 2C − 1: the codes after a forbidden transition. The table's `cost` thus falls one step
+    after that transition, where `step` charges it at once.
     """
     reward, cost = _truth_arrays(herd.truth, len(herd.windows.names))
     size, copies = len(reward), 1 if herd.truth is None else 2
@@ -140,7 +144,7 @@ def _code_table(herd: Herd) -> Tabular:
 def _tabular(
     transition: np.ndarray, reward: np.ndarray, forbidden: np.ndarray | None, start: np.ndarray, obs: np.ndarray
 ) -> Tabular:
-    """Forbid nothing where no truth is known; the cost is then NaN."""
+    """Convert arrays to a `Tabular`. Without a known truth nothing is forbidden and the cost is NaN."""
     nothing = np.zeros(len(start))
     cost, barred = (nothing + np.nan, nothing) if forbidden is None else (forbidden, forbidden)
     arrays = (transition, reward, cost, barred, start, obs, nothing)
@@ -161,14 +165,14 @@ def _code_step(herd: Herd, table: Tabular) -> Transition:
 
 
 def _place_states(windows: Windows) -> Int[np.ndarray, "N L"]:
-    """x = (place, close neighbours, distant neighbours), both counts cut at MOST_NEIGHBOURS."""
+    """Number the states x = (place, close neighbours, distant neighbours), both counts cut at MOST_NEIGHBOURS."""
     levels = MOST_NEIGHBOURS + 1
     close, distant = (np.minimum(count, MOST_NEIGHBOURS) for count in (windows.close, windows.distant))
     return (windows.place * levels + close) * levels + distant
 
 
 def _place_obs(windows: Windows) -> Float[np.ndarray, "X O"]:
-    """One-hot place, then both counts as shares of MOST_NEIGHBOURS."""
+    """Return each state's one-hot place, then both counts as shares of MOST_NEIGHBOURS."""
     levels = MOST_NEIGHBOURS + 1
     place, rest = np.divmod(np.arange(len(windows.places) * levels**2), levels**2)
     counts = np.stack(np.divmod(rest, levels), axis=1) / MOST_NEIGHBOURS
@@ -176,9 +180,10 @@ def _place_obs(windows: Windows) -> Float[np.ndarray, "X O"]:
 
 
 def _place_table(herd: Herd) -> Tabular:
-    """Places and neighbours with P(x'|x, a) by frequency, backed off to P(x'|x); the action is the code now.
+    """Build tables over places and neighbours, with P(x'|x, a) by frequency, backed off to P(x'|x).
 
-    After the state of Gendron et al. 2024. There is no true reward here: the simulated mob's is one of codes.
+    The action is the present code. The state follows Gendron et al. 2024. There is no true reward, because the simulated
+    meerkats' reward is one of codes.
     """
     windows = herd.windows
     if not windows.places:
@@ -205,9 +210,9 @@ def _table_step(table: Tabular) -> Transition:
 
 
 def demonstrations(options: MeerkatOptions, split: Split = "all") -> dict[str, np.ndarray]:
-    """obs [N, T, O], action, mask, reward, cost [N, T] of all windows, or those outside or inside the held-out fold.
+    """Return obs [N, T, O], action, mask, reward, cost [N, T] of all windows, or of those outside or inside the fold.
 
-    Raises ValueError for a fold that is not there.
+    Raises ValueError for a fold that does not exist.
     """
     herd = load(options)
     number = len(herd.windows.code)
@@ -216,9 +221,9 @@ def demonstrations(options: MeerkatOptions, split: Split = "all") -> dict[str, n
 
 
 def held_out_recordings(options: MeerkatOptions) -> tuple[str, ...]:
-    """Fold k of R // 2: recordings k and k + R // 2 in order of camera and name; one of each camera if these are even.
+    """List the recordings of fold k of R // 2: k and k + R // 2 in order of camera and name.
 
-    Raises ValueError for a fold that is not there.
+    They come from different cameras where two cameras have equally many. Raises ValueError for a fold that does not exist.
     """
     windows = load(options).windows
     site = dict(zip(windows.recording.tolist(), windows.site.tolist(), strict=True))
@@ -232,9 +237,9 @@ def held_out_recordings(options: MeerkatOptions) -> tuple[str, ...]:
 
 
 def reference_set(options: MeerkatOptions) -> dict[str, np.ndarray]:
-    """Windows of the simulated mob without its constraint, with their true costs, to score a recovered feasibility by.
+    """Simulate windows of meerkats without their constraint, with true costs, to score a recovered feasibility.
 
-    Raises ValueError where no truth is known: for real animals, another coding or another state.
+    Raises ValueError where the truth is unknown: for real animals, another coding or another state.
     """
     truth = load(options).truth
     if truth is None:

@@ -1,7 +1,7 @@
-"""A simulated mob of meerkats with a known reward and a known constraint: invented, no animal was observed.
+"""Simulate a mob of meerkats with a known reward and a known constraint. They are invented: no animal was observed.
 
-It stands in where the published tables are absent and lets recovery be scored. An animal is in a hidden place p with a
-code c (a behaviour, or moving to a place) and draws its next code from the soft-optimal policy of `truth`,
+The simulation replaces the published tables where these are absent, and lets recovery be scored. An animal is in a hidden
+place p with a code c (a behaviour, or moving to a place). It draws its next code from the soft-optimal policy of `truth`,
 π(c'|p, c) ∝ exp(r(c, c') + γ V(p', c')) over the codes c' that are possible in p and, if constrained, allowed after c.
 """
 
@@ -18,7 +18,7 @@ MAPPING = load_mapping("meerkat")
 NAMES = MAPPING.behaviours + tuple(f"moving to {place}" for place in MAPPING.places)
 NUM_BEHAVIOURS = len(MAPPING.behaviours)
 
-# Centre of each place on an invented map (x, height, z), in units of the published coordinates; a camera sees its own.
+# Centre of each place on an invented map (x, height, z), in units of the published coordinates; a camera sees its own places.
 CENTRES = {
     ("C2", "Foraging"): (7e3, 3e4, -13e3),
     ("C2", "Waiting Area"): (12e3, 4.6e4, 6e3),
@@ -36,9 +36,9 @@ PLACE_NAMES = tuple(place for _, place in CENTRES)
 SITES = tuple(site for site, _ in CENTRES)
 
 DISCOUNT = 0.9
-STAY_REWARD = 5.0  # of going on with the same code: bouts of about 10 s
-SHORT_CUT_REWARD = 0.6  # of a forbidden transition: what the constraint keeps the animals from
-APPEAL = {  # reward of beginning a behaviour; 0 where nothing is said
+STAY_REWARD = 5.0  # reward of continuing the same code, which gives bouts of about 10 s
+SHORT_CUT_REWARD = 0.6  # reward of a forbidden transition, which tempts the animals to violate the constraint
+APPEAL = {  # reward of beginning a behaviour; 0 for the others
     "Foraging": 1.2, "Raised Guarding (Vigilant)": 0.8, "Moving": 0.6, "Low sitting/standing (stationary)": 0.8,
     "Dig burrow": 0.4, "High sitting/standing (Vigilant)": 0.4, "Interact with pup": -0.6, "Playfight": -0.6,
     "Interacting with foreign object": -0.8, "Carry pup": -1.0, "Human Interaction": -3.0,
@@ -49,8 +49,8 @@ PLACE_APPEAL = {
     "Mound": 0.4,
     "Door": -1.0,
     "Background": -1.2,
-}  # of setting out for it
-ERRANDS = {  # what an animal goes to a place for, with the reward of doing it on arrival
+}  # reward of setting out for a place; 0 for the others
+ERRANDS = {  # additional reward of a behaviour on arrival at a place
     ("moving to Sand Area", "Dig burrow"): 2.0,
     ("moving to Mound", "Raised Guarding (Vigilant)"): 2.0,
     ("moving to Foraging", "Foraging"): 2.0,
@@ -61,7 +61,7 @@ ERRANDS = {  # what an animal goes to a place for, with the reward of doing it o
 RESTING = ("Lying/resting (stationary)", "Sunbathe", "Groom", "Allogroom")
 SETTING_OUT = ("Foraging", "Dig burrow", "Raised Guarding (Vigilant)", "Moving", *NAMES[NUM_BEHAVIOURS:])
 FORBIDDEN = {  # code → the codes that may not follow at once
-    **dict.fromkeys(RESTING, SETTING_OUT),  # who rests sits up first
+    **dict.fromkeys(RESTING, SETTING_OUT),  # a resting animal sits up first
     "Raised Guarding (Vigilant)": (*RESTING, "Playfight"),  # a sentinel comes down first
     "Carry pup": ("Foraging", "Dig burrow", "Raised Guarding (Vigilant)", "Playfight"),  # the pup is put down first
     "Dig burrow": RESTING,
@@ -71,22 +71,22 @@ RECORDINGS = {"C2": 4, "C3": 4}
 RECORDING_SECONDS = 480
 TRACKS_PER_RECORDING = 8
 PUP_SHARE = 0.1
-MISSING_SHARE = 0.01  # of rows without a position
-SPEED = 0.35  # share of the way to the aim that is gone in a second of moving; 0.05 in anything else
+MISSING_SHARE = 0.01  # share of rows without a position
+SPEED = 0.35  # share of the way to the aim covered in a second of moving; 0.05 in any other behaviour
 WOBBLE = 600.0  # standard deviation of a position's noise, units of the map
 CLOSE, DISTANT = 1e4, 3e4  # radii of neighbourhood, units of the map
 
 
 class Truth(NamedTuple):
-    """What is known of the simulated mob, [from code, to code]."""
+    """The simulated meerkats' reward, constraint and impossible pairs, [from code, to code]."""
 
     reward: Float[np.ndarray, "C C"]
     forbidden: Bool[np.ndarray, "C C"]  # the constraint
-    structural: Bool[np.ndarray, "C C"]  # cannot occur whatever the animals want: two cameras, or two moves in one
+    structural: Bool[np.ndarray, "C C"]  # pairs that cannot occur: two cameras, or two moves in one
 
 
 def truth() -> Truth:
-    """The simulated mob's reward, its constraint and what its cameras and coding make impossible."""
+    """Build the simulated meerkats' reward, their constraint, and the pairs that cameras and coding make impossible."""
     index = {name: code for code, name in enumerate(NAMES)}
     appeal = np.array([APPEAL.get(name, 0.0) for name in MAPPING.behaviours])
     there = np.array([PLACE_APPEAL.get(place, 0.0) - 0.8 for place in MAPPING.places])
@@ -102,7 +102,7 @@ def truth() -> Truth:
 
 
 def _destination() -> Int[np.ndarray, "P C"]:
-    """The hidden place once code c, begun in place p, has ended; −1 where p's camera does not see that place."""
+    """Return the hidden place after code c, begun in place p; −1 where p's camera does not see that place."""
     keys = list(CENTRES)
     moved = [[keys.index((site, name)) if (site, name) in CENTRES else -1 for name in MAPPING.places] for site in SITES]
     stayed = np.tile(np.arange(len(SITES))[:, None], (1, NUM_BEHAVIOURS))
@@ -110,7 +110,7 @@ def _destination() -> Int[np.ndarray, "P C"]:
 
 
 def _possible() -> Bool[np.ndarray, "P C C"]:
-    """Which code can follow which in each hidden place; any code can go on."""
+    """Mark which code can follow which in each hidden place; any code can continue."""
     codes = np.arange(len(NAMES))
     moves = (codes >= NUM_BEHAVIOURS) | (codes == NAMES.index(MAPPING.moving))
     destination = _destination()
@@ -120,7 +120,7 @@ def _possible() -> Bool[np.ndarray, "P C C"]:
 
 
 def _policy(world: Truth, constrained: bool) -> Float[np.ndarray, "P C C"]:
-    """π(c'|p, c) of the soft-optimal animal, by value iteration."""
+    """Compute π(c'|p, c) of the soft-optimal animal by value iteration."""
     possible = _possible() & ~(world.forbidden & constrained)
     after = np.maximum(_destination(), 0)
     stays = np.eye(len(NAMES), dtype=bool)
@@ -138,7 +138,7 @@ def _policy(world: Truth, constrained: bool) -> Float[np.ndarray, "P C C"]:
 def _walk(
     policy: Float[np.ndarray, "P C C"], place: Int[np.ndarray, " N"], steps: int, generator: np.random.Generator
 ) -> tuple[Int[np.ndarray, "N T"], Int[np.ndarray, "N T"]]:
-    """Hidden places and codes of N independent animals that begin foraging in the given places."""
+    """Draw hidden places and codes of N independent animals that begin foraging in the given places."""
     cumulative, after = np.cumsum(policy, axis=2), _destination()
     code = np.zeros(len(place), dtype=np.int64)
     places, codes = [place], [code]
@@ -154,7 +154,7 @@ def _walk(
 def _positions(
     places: Int[np.ndarray, "N T"], codes: Int[np.ndarray, "N T"], generator: np.random.Generator
 ) -> Float[np.ndarray, "N T 3"]:
-    """Positions that lag behind the centre of where an animal is or is going."""
+    """Draw positions that lag behind the centre of the place where an animal is or to which it moves."""
     centre, after = np.array(list(CENTRES.values())), _destination()
     aim = centre[after[places, codes]]
     rate = np.where(codes >= NUM_BEHAVIOURS, SPEED, 0.05)[:, :, None]
@@ -167,7 +167,7 @@ def _positions(
 
 
 def simulated_tracks(seed: int = 0, constrained: bool = True) -> Tracks:
-    """Rows as they would be read from tables: four recordings for each camera, a tenth of the animals pups."""
+    """Simulate rows as read from tables: four recordings for each camera, a tenth of the animals pups."""
     generator = np.random.default_rng(seed)
     policy = _policy(truth(), constrained)
     parts = []

@@ -1,4 +1,4 @@
-"""Tables of animal tracks (CSV, Parquet), read and validated: a row is one animal at one time."""
+"""Read and validate tables of animal tracks (CSV, Parquet), in which a row is one animal at one time."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -19,11 +19,11 @@ _SET = re.compile(r"\{(?:[^;{}]+(?:;[^;{}]+)*)?\}")
 
 
 class Tracks(NamedTuple):
-    """All rows, ordered by recording, individual and time. A position is NaN where the mapping calls it missing."""
+    """All rows, ordered by recording, individual and time. A position is NaN where the mapping marks it as missing."""
 
     recording: Shaped[np.ndarray, " R"]
     site: Shaped[np.ndarray, " R"]  # the camera
-    individual: Shaped[np.ndarray, " R"]  # unique in its recording only
+    individual: Shaped[np.ndarray, " R"]  # unique within its recording only
     group: Shaped[np.ndarray, " R"]
     time: Float[np.ndarray, " R"]
     behaviour: Shaped[np.ndarray, " R"]
@@ -37,7 +37,7 @@ class Tracks(NamedTuple):
 
 
 class Table(NamedTuple):
-    """One file as text: a CSV's header is row 1."""
+    """One file as text, whose rows are numbered as in the file: a CSV's header is row 1."""
 
     file: Path
     row: Int[np.ndarray, " R"]
@@ -45,7 +45,7 @@ class Table(NamedTuple):
 
 
 def read_folder(folder: Path, mapping: ColumnMapping) -> Tracks:
-    """Read every table in and below `folder`. Raises ValueError where there is none, one is malformed or two overlap."""
+    """Read every table in and below `folder`. Raises ValueError where none exists, one is malformed or two overlap."""
     files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES)
     if not files:
         raise ValueError(f"{folder}: no table of tracks in or below it; looked for {', '.join(SUFFIXES)}")
@@ -95,16 +95,16 @@ def _read_csv(file: Path) -> pd.DataFrame:
 
 
 def _parser_words(message: str) -> str:
-    """What pandas says of a CSV that it cannot split, with the row in the file."""
-    if found := re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", message):
-        return f"row {found[2]}: {found[3]} fields where the header has {found[1]}"
-    if found := re.search(r"EOF inside string starting at row (\d+)", message):
-        return f"row {int(found[1]) + 1}: a quote is opened and never closed"
+    """Translate pandas' message on a CSV that it cannot split, with the row in the file."""
+    if match := re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", message):
+        return f"row {match[2]}: {match[3]} fields where the header has {match[1]}"
+    if match := re.search(r"EOF inside string starting at row (\d+)", message):
+        return f"row {int(match[1]) + 1}: a quote is opened and never closed"
     return " ".join(message.split())
 
 
 def parse(table: Table, mapping: ColumnMapping) -> Tracks:
-    """Our columns of one table. Raises ValueError, in one line with file, row and column, for the first thing wrong."""
+    """Read our columns of one table. Raises ValueError, in one line with file, row and column, for the first bad value."""
     check = _Checker(table, mapping)
     number = len(table.row)
     blank = np.full(number, "")
@@ -116,7 +116,7 @@ def parse(table: Table, mapping: ColumnMapping) -> Tracks:
     behaviour_free = np.isin(group, mapping.other_groups) if mapping.other_groups else np.zeros(number, dtype=bool)
     tracks = Tracks(
         recording=recording,
-        site=np.array([found[1] if (found := sites[name]) else "" for name in recording.tolist()]),
+        site=np.array([match[1] if (match := sites[name]) else "" for name in recording.tolist()]),
         individual=np.array(table.columns[check.names["individual"]]),
         group=group,
         time=check.numbers(check.names["time"]),
@@ -135,7 +135,7 @@ def parse(table: Table, mapping: ColumnMapping) -> Tracks:
 
 
 class _Checker:
-    """Reads the columns of one table; raises for the first bad row with the file, the row, the column and the value."""
+    """Read the columns of one table; raise ValueError for the first bad row with file, row, column and value."""
 
     def __init__(self, table: Table, mapping: ColumnMapping) -> None:
         self.table = table
@@ -168,7 +168,7 @@ class _Checker:
         excused: Shaped[np.ndarray, " R"] | None = None,
         excuse: str = "",
     ) -> Shaped[np.ndarray, " R"]:
-        """A column of labels; where `excused`, the label `excuse` is known too."""
+        """Read a column of labels; the rows in `excused` may also have the label `excuse`."""
         name = self.names[ours]
         values = np.array(self.table.columns[name])
         bad = ~np.isin(values, known) if known else np.zeros(len(values), dtype=bool)
@@ -183,7 +183,7 @@ class _Checker:
         return np.array(self.table.columns[name], dtype=np.float64)
 
     def positions(self, mapping: ColumnMapping) -> Float[np.ndarray, "R 3"]:
-        """Three coordinates, NaN where the mapping calls them missing or has none; a third that it lacks is 0."""
+        """Read three coordinates: NaN where the mapping marks them as missing or has none, 0 for a third that it lacks."""
         position = np.full((len(self.table.row), 3), np.nan)
         if isinstance(mapping.columns.get("coordinates"), str):
             name = self.coordinates[0]
@@ -198,7 +198,7 @@ class _Checker:
         return position
 
     def set_sizes(self, ours: str) -> Int[np.ndarray, " R"]:
-        """Sets `{1;2}` as their numbers of members."""
+        """Read sets such as `{1;2}` as their numbers of members."""
         name = self.names[ours]
         self._each(name, _SET.fullmatch, "is not {a;b;…}")
         return np.array([0 if text == "{}" else text.count(";") + 1 for text in self.table.columns[name]], dtype=np.int64)

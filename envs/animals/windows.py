@@ -1,4 +1,4 @@
-"""From tracks to windows of codes: gap-free segments, "moving to PLACE" states, windows, a report of what was left."""
+"""Turn tracks into windows of codes: gap-free segments, "moving to PLACE" codes, windows, and a report of all rows."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -12,18 +12,18 @@ from envs.animals.tracks import Tracks
 
 Coding = Literal["bout", "step"]
 
-STAYS = -1  # no place is moved to
+STAYS = -1  # index of no place
 
 
 @dataclass(frozen=True)
 class Report:
-    """What became of the rows: of other groups, in short segments, after the last window or used; these add up."""
+    """Counts of rows: of other groups, in short segments, after the last window, and used; these four add up to all."""
 
     recordings: int
     rows: int
     rows_of_other_groups: int  # pups: their behaviour is not annotated
-    rows_without_coordinates: int  # of all rows; masked, not dropped
-    tracks: int  # kept, each unique in its recording only
+    rows_without_coordinates: int  # among all rows; masked, not dropped
+    tracks: int  # tracks of the groups in use, each unique within its recording only
     segments: int  # gap-free runs of a track
     longest_segment: int  # rows
     rows_in_short_segments: int  # segments shorter than one window
@@ -36,11 +36,11 @@ class Report:
 
 
 class Windows(NamedTuple):
-    """Windows of L = horizon + 1 rows; neighbouring windows share one row: no transition is lost or repeated."""
+    """Windows of L = horizon + 1 rows; neighbours share one row, so that no transition is lost or repeated."""
 
     code: Int[np.ndarray, "N L"]
     place: Int[np.ndarray, "N L"]  # index into `places`
-    close: Int[np.ndarray, "N L"]  # neighbours
+    close: Int[np.ndarray, "N L"]  # number of close neighbours
     distant: Int[np.ndarray, "N L"]
     recording: Shaped[np.ndarray, " N"]
     site: Shaped[np.ndarray, " N"]
@@ -50,7 +50,7 @@ class Windows(NamedTuple):
 
 
 class Coded(NamedTuple):
-    """The rows kept, each with its gap-free segment, its code and its place."""
+    """The rows in use, each with its gap-free segment, its code and its place."""
 
     tracks: Tracks
     segment: Int[np.ndarray, " R"]
@@ -61,11 +61,11 @@ class Coded(NamedTuple):
 
 
 def code_rows(tracks: Tracks, mapping: ColumnMapping, coding: Coding = "bout", other_groups: bool = False) -> Coded:
-    """Codes of the rows kept: behaviours, then "moving to PLACE" for every place, then one for what was not annotated.
+    """Code the rows: behaviours, then "moving to PLACE" for every place, then one code for rows without annotation.
 
-    `bout`: a whole run of moving that ends elsewhere (the place of the first row after it, or of its last row at the
-    end of its segment) becomes moving to that place; other moving stays plain. `step`: only the row before the place
-    changes does.
+    With `bout`, a whole run of moving that ends in another place becomes moving to that place. The end is the place of the
+    first row after the run, or of its last row at the end of its segment. Other moving stays plain. With `step`, only the
+    row before the place changes becomes moving to the new place.
     """
     others = np.isin(tracks.group, mapping.other_groups) if mapping.other_groups else np.zeros(len(tracks.time), dtype=bool)
     rows = tracks if other_groups else tracks.take(~others)
@@ -96,7 +96,7 @@ def _by_share(labels: Shaped[np.ndarray, " R"]) -> tuple[str, ...]:
 def _bout_target(
     behaviour: Int[np.ndarray, " R"], place: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]
 ) -> Int[np.ndarray, " R"]:
-    """Find where the bout of each row ends, if it ends in another place than it begins."""
+    """Find the place where each row's bout ends; STAYS where that is the place where it begins."""
     begins = _run_starts(behaviour, segment)
     first = np.flatnonzero(begins)
     last = np.append(first[1:] - 1, len(begins) - 1)
@@ -108,7 +108,7 @@ def _bout_target(
 def _step_target(
     behaviour: Int[np.ndarray, " R"], place: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]
 ) -> Int[np.ndarray, " R"]:
-    """Find the place one row later, if it is another one."""
+    """Find the place one row later; STAYS where it is the same place."""
     after = np.append(place[1:], STAYS)
     continues = np.append(segment[1:] == segment[:-1], False)
     return np.where(continues & (after != place), after, STAYS)
@@ -118,7 +118,7 @@ _TARGETS = {"bout": _bout_target, "step": _step_target}
 
 
 def _run_starts(values: Int[np.ndarray, " R"], segment: Int[np.ndarray, " R"]) -> Bool[np.ndarray, " R"]:
-    """True at the first row of every run of equal values inside a segment."""
+    """Mark the first row of every run of equal values inside a segment."""
     same = (values[1:] == values[:-1]) & (segment[1:] == segment[:-1])
     return np.append(np.ones(min(len(values), 1), dtype=bool), ~same)
 
@@ -135,7 +135,7 @@ class Transitions(NamedTuple):
 
 
 def transitions(coded: Coded) -> Transitions:
-    """The behaviour transitions of the paper's Section 6, with the positions of their two onsets."""
+    """List the behaviour transitions of the paper's Section 6, with the positions of their two onsets."""
     onset = np.flatnonzero(_run_starts(coded.code, coded.segment))
     inside = coded.segment[onset[1:]] == coded.segment[onset[:-1]]
     source, target = onset[:-1][inside], onset[1:][inside]
@@ -150,7 +150,7 @@ def transitions(coded: Coded) -> Transitions:
 
 
 def cut_windows(coded: Coded, tracks: Tracks, horizon: int = 30) -> Windows:
-    """Windows of horizon + 1 coded rows of `tracks`, every `horizon` rows of a segment. ValueError if none."""
+    """Cut windows of horizon + 1 coded rows, one every `horizon` rows of a segment. Raises ValueError where none fits."""
     size = np.bincount(coded.segment)
     first = np.append(0, np.cumsum(size)[:-1])
     number = (size - 1) // horizon

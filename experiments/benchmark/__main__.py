@@ -1,8 +1,14 @@
-"""How fast is it here: `python -m experiments.benchmark env=gridworld` prints steps per second, start-up, memory and parts.
+"""Measure the speed on this machine: steps per second, start-up, memory, and the time of each part of an iteration.
 
-Settings, as NAME=VALUE: env, method, seeds, chunk (iterations that are timed; 0: the row's own), epochs (of PPO; 0: the row's
-own), integrator (of robots), and peer: true also measures the AIRL of the library imitation on a robot, in an environment of
-its own (`make .venv-peer/.installed`).
+`python -m experiments.benchmark env=gridworld`. Settings, as NAME=VALUE:
+
+env         environment
+method      method
+seeds       number of seeds
+chunk       iterations that are timed; 0 takes the method's own
+epochs      epochs of PPO; 0 takes the method's own
+integrator  integrator of the robots
+peer        true also times the AIRL of the library imitation on a robot, in its own Python (`make .venv-peer/.installed`)
 """
 
 import json
@@ -21,10 +27,10 @@ from typing import Any, Literal
 
 from experiments.cli.command import run_command
 
-REPEATS = 5  # of each timing; the median is printed
-PEERS = {"swimmer": "Swimmer-v4", "walker": "Walker2d-v4", "pendulum": "InvertedPendulum-v4"}  # as Gymnasium calls them
+REPEATS = 5  # repeats of each timing; the median is printed
+PEERS = {"swimmer": "Swimmer-v4", "walker": "Walker2d-v4", "pendulum": "InvertedPendulum-v4"}  # Gymnasium's names
 PEER_PYTHON = Path(".venv-peer/bin/python")
-CHUNKS = 2  # of a timed run; the first compiles and is left out
+CHUNKS = 2  # chunks of a timed run; the first one compiles and is left out
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def report(settings: Settings, _: Sequence[str]) -> None:
-    """Measure and print."""
+    """Measure and print the report."""
     rows = measure(settings)
     import jax
 
@@ -62,7 +68,7 @@ def report(settings: Settings, _: Sequence[str]) -> None:
 
 
 def measure(settings: Settings) -> dict[str, str]:
-    """Each line of the report, as text."""
+    """Measure each line of the report and return {line: value as text}."""
     if settings.peer and settings.env not in PEERS:
         raise ValueError(f"peer=true: env={settings.env} is no world of Gymnasium's; choose from {', '.join(PEERS)}")
     if settings.peer and not PEER_PYTHON.exists():
@@ -87,7 +93,7 @@ def measure(settings: Settings) -> dict[str, str]:
 
 
 def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
-    """`env_steps_per_s` and `compile_s` of a run with its checkpoints and metrics, as its summary states them."""
+    """Run with checkpoints and metrics; return `env_steps_per_s` and `compile_s` of the summary."""
     from aircl_jax import train
     from aircl_jax.methods import get_method
     from aircl_jax.settings.env_defaults import default_config
@@ -107,7 +113,10 @@ def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
 
 
 def parts(settings: Settings) -> dict[str, str]:
-    """Milliseconds of one iteration's parts for one seed on one device, each compiled alone, and the whole step's ratio."""
+    """Time one iteration's parts in milliseconds, for one seed on one device, each compiled alone.
+
+    The ratios divide the whole step's time by a part's.
+    """
     import jax
 
     from aircl_jax.algorithm import adversary
@@ -131,12 +140,14 @@ def parts(settings: Settings) -> dict[str, str]:
 
     policy, rolling = _timed(lambda key: rollouts(nets, key, number), state.key)
     head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
-    (reward, bonus), relabelling = _timed(lambda one: policy_reward(nets, expert, one), policy)
-    _, judging = _timed(
-        lambda one: adversary.update(nets, state.adversary_opt, Batches(expert, one, state.replay, state.replay), state.key),
+    (reward, bonus), relabelling = _timed(lambda batch: policy_reward(nets, expert, batch), policy)
+    _, discriminating = _timed(
+        lambda batch: adversary.update(
+            nets, state.adversary_opt, Batches(expert, batch, state.replay, state.replay), state.key
+        ),
         head,
     )
-    _, acting = _timed(lambda one: ppo.update(nets, state.ppo_opt, one, reward, bonus, state.key, config.ppo), policy)
+    _, acting = _timed(lambda batch: ppo.update(nets, state.ppo_opt, batch, reward, bonus, state.key, config.ppo), policy)
     _, whole = _timed(trainer.step, state, expert)
     actions = policy.action.swapaxes(0, 1)
     _, bare = _timed(partial(physics, env), state.key, actions)
@@ -144,7 +155,7 @@ def parts(settings: Settings) -> dict[str, str]:
         "bare physics": bare,
         "rollout": rolling,
         "relabelling": relabelling,
-        "adversary": judging,
+        "adversary": discriminating,
         "PPO": acting,
         "whole step": whole,
     }
@@ -159,7 +170,7 @@ def parts(settings: Settings) -> dict[str, str]:
 
 
 def physics(env: Any, key: Any, actions: Any) -> Any:
-    """The rewards of `actions`, [T, N, A], each environment's from a reset on: steps of the world and nothing else."""
+    """Step each environment through `actions`, [T, N, A], from a reset on, and return the rewards, [T, N]."""
     import jax
 
     keys = jax.random.split(key, actions.shape[1])
@@ -172,7 +183,7 @@ def physics(env: Any, key: Any, actions: Any) -> Any:
 
 
 def peer(settings: Settings) -> float:
-    """Environment steps a second of imitation's AIRL on the same body, demonstrations, horizon and sizes; one seed."""
+    """Measure the environment steps per second of imitation's AIRL on the same body, demonstrations and sizes; one seed."""
     from importlib.resources import files
 
     from aircl_jax.methods import get_method
@@ -213,7 +224,7 @@ def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:
 
 
 def second_start(settings: Settings) -> float:
-    """Seconds from typing the command to its first iteration's metrics on disk, once the compilation cache is warm."""
+    """Measure the seconds from the command to its first iteration's metrics on disk, with a warm compilation cache."""
     seconds = 0.0
     for _ in range(2):
         with tempfile.TemporaryDirectory() as place:

@@ -1,4 +1,4 @@
-"""Steps a second of the AIRL of the library imitation. Runs in .venv-peer, without this project: see `__main__.py` here."""
+"""Measure the steps per second of imitation's AIRL. Runs in .venv-peer, without this project; `__main__.py` calls it."""
 
 import json
 import sys
@@ -15,19 +15,19 @@ from imitation.util.networks import RunningNorm
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-ENVS = 10  # in one process, as the library's examples have them
-ROUNDS = 3  # the first is left out: it warms up
+ENVS = 10  # environments in one process, as in the library's examples
+ROUNDS = 3  # rounds of training; the first one warms up and is left out
 
 
 def make_env(name: str, horizon: int) -> Any:
-    """Gymnasium's body at a fixed horizon, as imitation wants it."""
+    """Make Gymnasium's body with a fixed horizon, which imitation needs."""
     free = {} if name == "Swimmer-v4" else {"terminate_when_unhealthy": False}
     world = gymnasium.make(name, max_episode_steps=horizon, **({} if name == "InvertedPendulum-v4" else free))
     return FixedHorizon(world) if name == "InvertedPendulum-v4" else world
 
 
 class FixedHorizon(gymnasium.Wrapper):
-    """A fall ends nothing."""
+    """Continue an episode after a fall."""
 
     def step(self, action: Any) -> Any:
         obs, reward, _, truncated, info = self.env.step(action)
@@ -35,34 +35,34 @@ class FixedHorizon(gymnasium.Wrapper):
 
 
 def main() -> None:
-    given = json.loads(sys.argv[1])
+    settings = json.loads(sys.argv[1])
     torch.set_num_threads(2)
-    file = np.load(given["demonstrations"])
+    file = np.load(settings["demonstrations"])
     demonstrations = [
         Trajectory(np.concatenate([obs, obs[-1:]]), np.clip(action, -1, 1), None, terminal=False)
         for obs, action in zip(file["obs"].astype(np.float64), file["action"].astype(np.float32), strict=True)
     ]
-    venv = DummyVecEnv([lambda: make_env(given["env"], given["horizon"])] * ENVS)
-    a_round = given["trajectories"] * given["horizon"]
+    venv = DummyVecEnv([lambda: make_env(settings["env"], settings["horizon"])] * ENVS)
+    a_round = settings["trajectories"] * settings["horizon"]
     policy = PPO(
         "MlpPolicy",
         venv,
         n_steps=a_round // ENVS,
-        batch_size=given["minibatch"],
-        n_epochs=given["epochs"],
-        policy_kwargs={"net_arch": list(given["hidden"])},
+        batch_size=settings["minibatch"],
+        n_epochs=settings["epochs"],
+        policy_kwargs={"net_arch": list(settings["hidden"])},
         device="cpu",
     )
     reward = BasicRewardNet(
-        venv.observation_space, venv.action_space, hid_sizes=tuple(given["hidden"]), normalize_input_layer=RunningNorm
+        venv.observation_space, venv.action_space, hid_sizes=tuple(settings["hidden"]), normalize_input_layer=RunningNorm
     )
     trainer = AIRL(
         demonstrations=demonstrations,
-        demo_batch_size=given["judged"],
+        demo_batch_size=settings["judged"],
         venv=venv,
         gen_algo=policy,
         reward_net=reward,
-        n_disc_updates_per_round=given["steps"],
+        n_disc_updates_per_round=settings["steps"],
         gen_train_timesteps=a_round,
         allow_variable_horizon=True,
     )

@@ -1,4 +1,4 @@
-"""What every command does around its task: exit codes, mistakes in one line on standard error, interrupts."""
+"""Run a command's task: exit codes, mistakes in one line on standard error, interrupts."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -13,10 +13,10 @@ DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 def run_command(
     task: Callable[[T, list[str]], int | None], argv: Sequence[str] | None, defaults: T, about: str | None, then: str = ""
 ) -> int:
-    """Run `task(settings, words)` with the words of `argv`, of the command line where it is None, and return the exit code.
+    """Run `task(settings, words)` and return the exit code.
 
-    The task may return a code of its own. A ValueError of settings or task is bad input. `then` says what to do after
-    an interrupt.
+    The words are those of `argv`, or of the command line where it is None. The task may return its own code. A ValueError
+    of settings or task counts as bad input. `then` says what to do after an interrupt.
     """
     words = sys.argv[1:] if argv is None else list(argv)
     try:
@@ -28,12 +28,12 @@ def run_command(
 
 
 def complain(message: str) -> int:
-    """Print a mistake as one line on standard error; the code of bad input."""
+    """Print a mistake as one line on standard error; return the code of bad input."""
     print("error: " + " ".join(message.split()), file=sys.stderr)
     return BAD_INPUT
 
 
 def interrupted(then: str = "") -> int:
-    """Say that the command was cut, and what to do `then`; the code of an interrupt."""
+    """Print that the command was interrupted, and what to do `then`; return the code of an interrupt."""
     print("interrupted" + (f"; {then}" if then else ""), file=sys.stderr)
     return INTERRUPTED

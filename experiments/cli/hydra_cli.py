@@ -1,4 +1,4 @@
-"""Hydra as this project uses it: a mistake is one line on standard error and exit code 2, and Hydra leaves no file."""
+"""Run a task with Hydra's settings: a mistake prints one line and exits with 2, and Hydra leaves no file."""
 
 import os
 import re
@@ -22,7 +22,7 @@ from experiments.cli.command import BAD_INPUT, DONE, complain, interrupted
 
 
 class Composed(NamedTuple):
-    """The settings that one command line, or one job of a sweep, comes to."""
+    """The settings of one command line, or of one job of a sweep."""
 
     env: str  # the choice of env=…
     values: dict[str, Any]  # resolved, groups within groups
@@ -49,7 +49,7 @@ def launch(task: Callable[[Composed], None], config_name: str, argv: Sequence[st
         return stop.code if isinstance(stop.code, int) else BAD_INPUT
     except KeyboardInterrupt:
         return interrupted("the same command with resume=true continues")
-    except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of Hydra, the job keeps its own
+    except (HydraException, OmegaConfBaseException, ValueError) as error:  # a ValueError of Hydra; `job` catches the task's
         return complain(_in_one_line(error, argv))
     finally:
         GlobalHydra.instance().clear()
@@ -58,10 +58,10 @@ def launch(task: Callable[[Composed], None], config_name: str, argv: Sequence[st
 
 @contextmanager
 def _arguments(argv: Sequence[str]) -> Iterator[None]:
-    """The command line as Hydra reads it; a sweep's own notes go to a place that is removed afterwards."""
+    """Set the command line that Hydra reads, and a temporary folder for the notes of Hydra's sweeper."""
     with tempfile.TemporaryDirectory() as notes:
         elsewhere = [] if any(arg.startswith("hydra.sweep.dir=") for arg in argv) else [f"hydra.sweep.dir={notes}"]
-        # Beside the other NAME=VALUE words: argparse takes them in one place alone, before a flag or after it.
+        # Insert it beside the other NAME=VALUE words, because argparse takes them only in one unbroken row.
         first = next((i for i, arg in enumerate(argv) if "=" in arg and not arg.startswith("-")), len(argv))
         with (
             mock.patch.object(sys, "argv", ["experiments", *argv[:first], *elsewhere, *argv[first:]]),
@@ -76,7 +76,7 @@ def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
         return f"unknown {group} {name!r}; choose from {', '.join(error.options)}"
     unknown = re.search(r"Could not override '([^']+)'", str(error))
     if isinstance(error, ConfigCompositionException) and unknown:
-        key = getattr(error.__cause__, "full_key", None) or unknown.group(1)  # of a group, the member that is unknown
+        key = getattr(error.__cause__, "full_key", None) or unknown.group(1)  # full_key names the unknown member of a group
         if of_before := old_name(key):
             return of_before
         env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), "gridworld")

@@ -1,4 +1,4 @@
-"""The command line's settings as Hydra composes them, generated from the library's dataclasses."""
+"""Generate the settings that Hydra composes from the library's dataclasses."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass
@@ -12,19 +12,19 @@ from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS
 from envs.settings import plain
 
-HELP = f"""Learns a reward, a constraint and a policy from demonstrations.
+HELP = f"""Learn a reward, a constraint and a policy from demonstrations.
 
   python -m experiments.run env=gridworld method=aircl_corrected seeds=10
   python -m experiments.run -m env=gridworld,nonmarkov method=aircl_corrected,airl
 
 env             {", ".join(ENVS)}; env.NAME=VALUE changes a setting of it
 method          {", ".join(METHODS)}
-contrast_prior  method, on or off: Eq. 13 as the row has it, added, or taken away
-seeds           how many, from first_seed on; seed s is the same run alone and among others
-iterations      of training; more of them extend a run with resume=true
-run_dir         where everything is kept; a run that is there already needs resume=true or overwrite=true
+contrast_prior  method, on or off: Eq. 13 as the method has it, added, or removed
+seeds           number of seeds, from first_seed on; seed s is the same run alone and among others
+iterations      iterations of training; with resume=true, a larger number extends a run
+run_dir         folder of the run; an existing run needs resume=true or overwrite=true
 demonstrations  an .npz file, a Minari folder or minari:ID instead of the environment's own
-scale           full, or smoke: a run of seconds that shows that everything works
+scale           full, or smoke: a run of seconds that tests the machinery
 train           learning rates, network sizes and coefficients, as in train.ppo.learning_rate=0.001
 
 All settings, with the values that this command line gives them:
@@ -36,7 +36,7 @@ $CONFIG
 
 @dataclass(frozen=True)
 class RunSettings:
-    """The settings beside those of the environment (env.…) and of training (train.…)."""
+    """The settings that belong neither to the environment (env.…) nor to training (train.…)."""
 
     method: str = "aircl_corrected"
     contrast_prior: Literal["method", "on", "off"] = "method"
@@ -49,11 +49,11 @@ class RunSettings:
     overwrite: bool = False
 
 
-QUIET = [{"override hydra/job_logging": "none"}, {"override hydra/hydra_logging": "none"}]  # of a list of defaults
+QUIET = [{"override hydra/job_logging": "none"}, {"override hydra/hydra_logging": "none"}]  # end of a list of defaults
 
 
 def hydra_node(app_name: str, template: str) -> dict[str, Any]:
-    """Hydra's own settings: it leaves no file, stays in the folder it is called from, and its help is ours."""
+    """Return Hydra's own settings: it leaves no file, stays in the current folder and prints our help."""
     return {
         "run": {"dir": "."},
         "output_subdir": None,
@@ -82,7 +82,7 @@ def register() -> None:
 
 
 def choices(group: str, env: str) -> list[str]:
-    """The settings within a group, such as "" (the top), "env" or "train.ppo"."""
+    """List the settings within a group, such as "" (the top), "env" or "train.ppo"."""
     names: dict[str, list[str]] = {"": [field.name for field in fields(RunSettings)] + ["env", "train", "scale"]}
     names |= _nested("env", ENVS[env].options()) if env in ENVS else {"env": list(ENVS)}
     names |= _nested("train", TrainConfig())

@@ -1,4 +1,4 @@
-"""How far a run is: a bar on a terminal, a plain line now and then elsewhere."""
+"""Show the progress of a run: a bar on a terminal, a line every few seconds elsewhere."""
 
 import math
 import sys
@@ -11,21 +11,21 @@ from tqdm import tqdm
 if TYPE_CHECKING:
     from aircl_jax.runs.recorder import Row
 
-LIVE = ("violation_rate", "goal_rate", "return", "balanced_acc")  # the first three of these that a run measures
+LIVE = ("violation_rate", "goal_rate", "return", "balanced_acc")  # the first three that a run measures are shown
 SECONDS_BETWEEN_LINES = 10.0
 
 
 class Reporter:
-    """Recorder of one run that shows where it stands.
+    """Record one run by printing its progress.
 
-    Speed and time left are shown once a chunk has run without compiling.
+    Speed and time left appear after the first chunk, whose time includes compiling.
     """
 
     def __init__(self, headline: str) -> None:
         self.headline = headline
         self.iterations = 0
-        self.first_chunk: int | None = None  # where it ended
-        self.steps = self.seconds = 0.0  # of the chunks after it, without compiling
+        self.first_chunk: int | None = None  # iteration at which the first chunk ended
+        self.steps = self.seconds = 0.0  # sums over the later chunks, without compiling
         self.bar: tqdm | None = None
         self.last_line = float("-inf")
 
@@ -75,6 +75,6 @@ class Reporter:
 
 
 def _measured(row: "Row") -> list[str]:
-    """Means over seeds."""
+    """Format the means over seeds."""
     means = {name: float(row[name].mean()) for name in LIVE if name in row}
     return [f"{name} {mean:.3g}" for name, mean in means.items() if math.isfinite(mean)][:3]

@@ -1,4 +1,4 @@
-"""key=value words of the commands that need no Hydra: types and choices come from a dataclass of settings."""
+"""Read the NAME=VALUE words of commands without Hydra; a dataclass of settings gives their types and choices."""
 
 from collections.abc import Sequence
 from importlib import resources
@@ -10,13 +10,13 @@ import yaml
 from envs.settings import at_least, updated
 
 T = TypeVar("T")
-SEEDS = 10  # of every result of this project
+SEEDS = 10  # number of seeds of every result of this project
 
 
 def parse(words: Sequence[str], default: T, about: str | None) -> T:
-    """The settings with these words in place of their own; `--help` prints `about` and ends.
+    """Return the settings with these words in place of their defaults; `--help` prints `about` and exits.
 
-    Raises ValueError, in one line, for what does not fit.
+    Raises ValueError, in one line, for a word that does not fit.
     """
     if "--help" in words:
         print(about)
@@ -30,9 +30,9 @@ def parse(words: Sequence[str], default: T, about: str | None) -> T:
     return updated(default, overrides)
 
 
-def listed(name: str, given: str, known: Sequence[str]) -> tuple[str, ...]:
-    """A comma list of names, or all of them. Raises ValueError for an unknown one."""
-    chosen = known if given == "all" else [word.strip() for word in given.split(",")]
+def listed(name: str, words: str, known: Sequence[str]) -> tuple[str, ...]:
+    """Read a comma list of names, or `all`, in the order of `known`. Raises ValueError for an unknown name."""
+    chosen = known if words == "all" else [word.strip() for word in words.split(",")]
     for word in chosen:
         if word not in known:
             raise ValueError(f"unknown {name} {word!r}; choose from {', '.join(known)}, or all")
@@ -46,7 +46,7 @@ def smoke_budget() -> dict[str, Any]:
 
 
 def refuse_short_runs(seeds: int, iterations: int, out: str, results: str) -> None:
-    """Raises ValueError for numbers that cannot be, and for fewer or shorter runs where results are kept."""
+    """Raise ValueError for impossible numbers, and for fewer or shorter runs in the folder of the results."""
     at_least("seeds", seeds, 1)
     at_least("iterations", iterations, 0)
     if (seeds != SEEDS or iterations) and Path(out).resolve() == Path(results).resolve():

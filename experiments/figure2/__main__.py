@@ -1,7 +1,13 @@
-"""Figures 2, 7 and 8 of the paper and a test of its inflexion: `python -m experiments.figure2 data=DIR`.
+"""Draw Figures 2, 7 and 8 of the paper and test its inflexion: `python -m experiments.figure2 data=DIR`.
 
-Settings, as key=value: data (folder of tables, `simulated`, or `default`: that of the variable AIRCL_DATA), mapping,
-coding (bout, step), out, draws (of bootstrap and null models), seed. Bad input: one line on standard error and exit 2.
+Settings, as NAME=VALUE (bad input prints one line on standard error and exits with 2):
+
+data     folder of tables, simulated, or default: the folder of the variable AIRCL_DATA
+mapping  name or file of the column mapping
+coding   bout or step
+out      folder of the results
+draws    number of draws of the bootstrap and the null models
+seed     seed of these draws
 """
 
 import json
@@ -18,7 +24,7 @@ from experiments.cli.command import run_command
 from experiments.figure2.analysis import NICE, Numbers, Settings, Study, analyse, read
 from experiments.figure2.report import point, report
 
-CELLS = 60  # of the map's regions along its longer side
+CELLS = 60  # grid cells along the longer side of a map
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -26,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def make(settings: Settings, words: Sequence[str]) -> None:
-    """Read, analyse, draw and write."""
+    """Read the tables, analyse them, draw the figures and write the report."""
     study = read(settings)
     out = Path(settings.out)
     out.mkdir(parents=True, exist_ok=True)
@@ -39,7 +45,7 @@ def make(settings: Settings, words: Sequence[str]) -> None:
 
 
 def draw(study: Study, settings: Settings, numbers: Numbers) -> None:
-    """Every figure as a PNG in `out`."""
+    """Save every figure as a PNG in `out`."""
     coded, simulated, unit = study.coded, study.simulated, study.mapping.coordinate_unit
     ground = ground_of(study)
     cell = max(float(np.ptp(rows.position, axis=0).max()) for rows in ground.cameras.values()) / CELLS
@@ -66,7 +72,7 @@ def draw(study: Study, settings: Settings, numbers: Numbers) -> None:
 
 
 def ground_of(study: Study) -> ground_maps.Ground:
-    """The located rows of each camera on the two coordinates that the mapping calls the ground."""
+    """Return the located rows of each camera on the two coordinates that the mapping names as the ground."""
     tracks = study.coded.tracks
     position = tracks.position[:, list(study.mapping.map_axes)]
     located = np.isfinite(position).all(axis=1)
@@ -78,7 +84,7 @@ def ground_of(study: Study) -> ground_maps.Ground:
 
 
 def arrows(study: Study, numbers: Numbers, source: int, target: int) -> ground_maps.Arrows:
-    """The located cases of one pair of codes, of the camera that saw most of them."""
+    """Return the located cases of one pair of codes at the camera that saw most of them."""
     moves, pairs, names = study.moves, numbers.pairs, study.coded.names
     start, end = (at[:, list(study.mapping.map_axes)] for at in (moves.start, moves.end))
     cases = (moves.source == source) & (moves.target == target) & np.isfinite(start + end).all(axis=1)
@@ -91,7 +97,7 @@ def arrows(study: Study, numbers: Numbers, source: int, target: int) -> ground_m
 
 
 def note(numbers: Numbers, name: str) -> str:
-    """The largest rise in the figure's bins, in two lines."""
+    """Describe the largest rise in the figure's bins in two lines."""
     test = numbers.rises[name][NICE]
     counts, between = test.counts, f"at {test.low:g} to {test.high:g}"
     falling = f"p = {test.p_monotone:.2f} under a falling trend"

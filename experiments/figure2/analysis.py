@@ -1,4 +1,4 @@
-"""What Figure 2 shows and tests: from a folder of tables to histograms, tests of the inflexion and tables of pairs."""
+"""Compute what Figure 2 shows from a folder of tables: histograms, tests of the inflexion and tables of pairs."""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -13,11 +13,11 @@ from envs.animals.data_folder import data_folder
 from envs.animals.tracks import read_folder
 from envs.animals.windows import Coded, Report, Transitions, code_rows, cut_windows, transitions
 
-TAIL_BINS = (2, 9)  # the exponential is fitted between these bins and judged beyond the second
+TAIL_BINS = (2, 9)  # the exponential is fitted between these bins and compared beyond the second
 LONG_PERCENTILE = 95.0  # a pair of codes is long if its mean distance is beyond this percentile of all transitions
 LEAST_SEEN = 10  # located transitions of a pair that is called long
-WIDTHS = (0.5, 1.0, 2.0)  # bin widths of the test, in those of the figure
-NICE = 1  # the figure's own among them
+WIDTHS = (0.5, 1.0, 2.0)  # bin widths of the test, relative to the figure's
+NICE = 1  # index of the figure's own width in WIDTHS
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Settings:
 
 
 class Study(NamedTuple):
-    """What was read: rows, their codes and transitions; positions in the unit that figures show."""
+    """The rows that were read, their codes and transitions; positions are in the unit that figures show."""
 
     mapping: ColumnMapping
     coded: Coded
@@ -45,7 +45,10 @@ class Study(NamedTuple):
 
 
 def read(settings: Settings) -> Study:
-    """Tables to coded rows and transitions. ValueError as from `envs.animals.tracks`, or without places or coordinates."""
+    """Read the tables into coded rows and transitions.
+
+    Raises ValueError as `envs.animals.tracks` does, and where the mapping has no places or no coordinates.
+    """
     folder = data_folder(settings.data, "meerkat")
     mapping = simulated_meerkats.MAPPING if folder is None else load_mapping(settings.mapping)
     for column in ("place", "coordinates"):
@@ -58,12 +61,12 @@ def read(settings: Settings) -> Study:
 
 
 class Numbers(NamedTuple):
-    """All that the figures and the report show."""
+    """The numbers that the figures and the report show."""
 
-    missing_at: tuple[float, ...]  # the point that `with_missing` counts missing coordinates at, in the unit of distances
+    missing_at: tuple[float, ...]  # where `with_missing` puts missing coordinates, in the unit of distances
     with_missing: transition_distances.Histogram
     without: transition_distances.Histogram
-    rises: dict[str, list[transition_distances.RiseTest]]  # with and without the rows at missing coordinates, by bin width
+    rises: dict[str, list[transition_distances.RiseTest]]  # {with_missing, without: one test per bin width}
     tail: transition_distances.Tail
     pairs: transition_distances.Pairs
     long_pairs: list[tuple[int, int]]
@@ -82,7 +85,7 @@ class Numbers(NamedTuple):
 
 
 def analyse(study: Study, settings: Settings) -> Numbers:
-    """Histograms, the tests of the inflexion, and the tables of pairs."""
+    """Compute the histograms, the tests of the inflexion and the tables of pairs."""
     moves = study.moves
     filled = np.pad(
         np.array(study.mapping.missing_coordinates) / study.mapping.coordinate_scale,
@@ -98,25 +101,25 @@ def analyse(study: Study, settings: Settings) -> Numbers:
     def edges(bin_width: float) -> Float[np.ndarray, " E"]:
         return np.arange(0.0, everything.max() + bin_width, bin_width)
 
-    kept = np.flatnonzero(known)
+    located = np.flatnonzero(known)
     rises = {
         name: [transition_distances.rise_test(d, recording, edges(factor * width), **seeded) for factor in WIDTHS]
         for name, d, recording in (
             ("with_missing", everything, moves.recording),
-            ("without", distance[kept], moves.recording[kept]),
+            ("without", distance[located], moves.recording[located]),
         )
     }
     pairs = transition_distances.pair_table(moves.source, moves.target, distance, len(study.coded.names))
-    long_distance = float(np.percentile(distance[kept], LONG_PERCENTILE))
+    long_distance = float(np.percentile(distance[located], LONG_PERCENTILE))
     low, high = (bins * width for bins in TAIL_BINS)
     return Numbers(
         missing_at=tuple(filled.tolist()),
         with_missing=transition_distances.histogram(all_starts, all_ends, moves.recording, edges(width), **seeded),
         without=transition_distances.histogram(
-            moves.start[kept], moves.end[kept], moves.recording[kept], edges(width), **seeded
+            moves.start[located], moves.end[located], moves.recording[located], edges(width), **seeded
         ),
         rises=rises,
-        tail=transition_distances.exponential_tail(distance[kept], moves.recording[kept], low, high, **seeded),
+        tail=transition_distances.exponential_tail(distance[located], moves.recording[located], low, high, **seeded),
         pairs=pairs,
         long_pairs=transition_distances.frequent_long_pairs(pairs, long_distance, LEAST_SEEN, number=2),
         long_distance=long_distance,
@@ -124,6 +127,6 @@ def analyse(study: Study, settings: Settings) -> Numbers:
 
 
 def nice_width(width: float) -> float:
-    """The nearest of 1, 2, 5 × 10^k in log scale."""
+    """Return the nearest of 1, 2, 5 × 10^k in log scale."""
     choices = np.array([1, 2, 5, 10]) * 10.0 ** np.floor(np.log10(width))
     return float(choices[np.abs(np.log(choices / width)).argmin()])

@@ -1,4 +1,4 @@
-"""The words of Figure 2: what was read, what the tests say of the inflexion, and what the figures show."""
+"""Write the report of Figure 2: the tables that were read, the tests of the inflexion, and the figures."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ from aircl_jax.analysis.transition_distances import RiseTest
 from aircl_jax.reports import markdown
 from experiments.figure2.analysis import NICE, Numbers, Study
 
-LEVEL = 0.05  # of the tests' verdicts
+LEVEL = 0.05  # significance level of the verdict
 
 
 def report(study: Study, numbers: Numbers, command: str) -> str:
-    """report.md, every number with the command that made it."""
+    """Return the text of report.md, with the command that made its numbers."""
     title = f"# Figure 2: how far animals move from one behaviour to the next ({study.mapping.name})"
     parts = [
         title + (": SIMULATED, no animal was observed" if study.simulated else ""),
@@ -38,18 +38,18 @@ coordinates. The cameras are drawn apart, because the source does not say that t
 
 
 def verdict(study: Study, numbers: Numbers) -> str:
-    """What the data support, in the words that the numbers choose."""
-    kept, filled = numbers.rises["without"][NICE], numbers.rises["with_missing"][NICE]
+    """State whether the data support an inflexion, and the size of their tail."""
+    located_only, filled = numbers.rises["without"][NICE], numbers.rises["with_missing"][NICE]
     tail, (low, high) = numbers.tail, numbers.tail.ratio_band
     lacking = int(np.isnan(study.moves.start + study.moves.end).any(axis=1).sum())
     null = float(numbers.without.shuffled[numbers.without.edges[:-1] >= tail.high].sum())
-    supports = "supports" if kept.p_monotone < LEVEL else "does not support"
+    supports = "supports" if located_only.p_monotone < LEVEL else "does not support"
     weight = "heavier than" if low > 1 else "lighter than" if high < 1 else "not distinguishable from"
     rarer = "rarer" if tail.observed < null else "more frequent"
     located = int(numbers.without.counts.sum())
     return f"""The histogram of the {located:,} transitions with both positions known **{supports}** an inflexion,
 that is, a distance beyond which transitions become more frequent again:
-{_words(kept)}.
+{_words(located_only)}.
 
 - With the {lacking:,} transitions whose position is missing counted at {point(numbers)}:
   {_words(filled)}.
@@ -58,13 +58,13 @@ that is, a distance beyond which transitions become more frequent again:
   {tail.high:g} leads to expect {tail.expected:.1f} (ratio, 95 % over resampled recordings: {low:.2f} to {high:.2f}):
   {weight} exponential. A heavy tail is no inflexion.
 - The null model (ends shuffled within a recording) has {null:.0f} transitions there: long transitions are {rarer}
-  than if where an animal begins its next behaviour had nothing to do with where it began the last.
-- None of this measures a reward. That long transitions are driven by high rewards, the contrast prior of the paper's
-  Section 6, is an assumption that these histograms neither show nor exclude."""
+  than if an animal's place did not depend on its place at the last behaviour.
+- None of this measures a reward. The contrast prior of the paper's Section 6 assumes that high rewards drive long
+  transitions. These histograms neither show nor exclude it."""
 
 
 def point(numbers: Numbers) -> str:
-    """The point at which missing coordinates are counted, in words."""
+    """Format the point at which missing coordinates are counted."""
     return f"({', '.join(f'{coordinate:g}' for coordinate in numbers.missing_at)})"
 
 
@@ -77,7 +77,7 @@ def _words(test: RiseTest) -> str:
 
 
 def rise_table(numbers: Numbers) -> str:
-    """The largest rise at three bin widths, with and without the rows at missing coordinates."""
+    """Tabulate the largest rise at three bin widths, with and without the rows at missing coordinates."""
     head = ("missing coordinates", "bin", "rise", "z", "p under a falling trend", "still rises in resampled recordings")
     rows = []
     for name, words in (("with_missing", f"counted as {point(numbers)}"), ("without", "left out")):
@@ -85,12 +85,12 @@ def rise_table(numbers: Numbers) -> str:
             rise = f"{test.counts[0]} at {test.low:g} → {test.counts[1]} at {test.high:g}"
             share = f"{100 * test.bootstrap_share:.0f} %"
             rows.append((words, f"{test.bin_width:g}", rise, f"{test.z:.2f}", f"{test.p_monotone:.3f}", share))
-    caution = "The p-values take transitions for independent; those of one track are not, so that the true p are larger."
+    caution = "The p-values treat transitions as independent. Those of one track are not, so the true p are larger."
     return "\n\n".join([markdown.table(head, rows), caution])
 
 
 def long_pairs(study: Study, numbers: Numbers) -> str:
-    """The two boxed pairs."""
+    """Tabulate the two boxed pairs."""
     pairs, names = numbers.pairs, study.coded.names
     rows = [
         (
@@ -105,7 +105,7 @@ def long_pairs(study: Study, numbers: Numbers) -> str:
     return "\n".join(
         [
             "Boxed: the two most frequent pairs, by share of their start, with at least ten located cases and a mean",
-            f"distance beyond {numbers.long_distance:.3g}, which 95 % of all transitions stay below.",
+            f"distance beyond {numbers.long_distance:.3g}. 95 % of all transitions are shorter.",
             "",
             markdown.table(("from", "to", "transitions", "share of the start's", "mean distance"), rows),
         ]
@@ -113,7 +113,7 @@ def long_pairs(study: Study, numbers: Numbers) -> str:
 
 
 def code_table(study: Study) -> str:
-    """Figure 2(g) in words."""
+    """Tabulate the codes of Figure 2(g) with their rows."""
     rows = np.bincount(study.coded.code, minlength=len(study.coded.names))
     return markdown.table(
         ("code", "state", "rows"), [(code, name, f"{rows[code]:,}") for code, name in enumerate(study.coded.names)]

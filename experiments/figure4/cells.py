@@ -1,4 +1,4 @@
-"""The cells of Figure 4: one method trained on one mob, its causal links beside the real ones, and what it recovered."""
+"""Make the cells of Figure 4: a method trained on one data set, its causal links, and its recovered functions."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -40,20 +40,20 @@ ROWS = (
     *("icrl", "icrl_prior"),
 )
 LAGS = (1, 5)  # τ_max of the analyses
-POOL = 4  # episodes of π for each window that is drawn from them by δ̄
-KEY_WINDOWS = 4  # folded into a state's key: other episodes than training's or the evaluation's
+POOL = 4  # episodes of π for each window that δ̄ draws from them
+KEY_WINDOWS = 4  # folded into a state's key, so that the episodes differ from those of training and evaluation
 
 
 @dataclass(frozen=True)
 class Settings:
-    data: str = "default"  # folder of tables, simulated, or default: that of the variable AIRCL_DATA
+    data: str = "default"  # folder of tables, simulated, or default: the folder of the variable AIRCL_DATA
     mapping: str = "meerkat"
-    methods: str = "all"  # or some of them, with commas between
+    methods: str = "all"  # or a comma list
     seeds: int = 10
     tau_max: Literal[1, 5] = 1  # 5: the strongest of the lags 1 to 5
-    folds: int = 9  # of the leave-two-recordings-out, as many as there are; 0 for none
-    scale: Literal["full", "smoke"] = "full"  # smoke: seconds, says nothing about results
-    out: str = "default"  # results/figure4, or runs/figure4_smoke
+    folds: int = 9  # most folds that leave out two recordings each; 0 for none
+    scale: Literal["full", "smoke"] = "full"  # smoke takes seconds and says nothing about results
+    out: str = "default"  # default: results/figure4, or runs/figure4_smoke
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 1)
@@ -69,12 +69,12 @@ class Settings:
 
     @property
     def training(self) -> dict[str, Any]:
-        """What is changed of a method's own settings."""
+        """Return the changes to a method's own settings."""
         return {} if self.scale == "full" else smoke_budget()["train"]
 
 
 class Study(NamedTuple):
-    """One mob: its windows of codes as PCMCI sees them, and the folder of its cells."""
+    """One data set: its windows of codes as PCMCI sees them, and the folder of its cells."""
 
     herd: Herd
     codes: Int[np.ndarray, "N T"]
@@ -92,7 +92,7 @@ class Study(NamedTuple):
 
 
 def read(settings: Settings) -> Study:
-    """The windows and their own links. ValueError as from `envs.animals.meerkat.load`."""
+    """Read the windows and compute their own links. Raises ValueError as `envs.animals.meerkat.load` does."""
     herd = load(settings.options)
     codes = herd.windows.code[:, :-1]
     default = "results/figure4" if settings.scale == "full" else "runs/figure4_smoke"
@@ -103,9 +103,9 @@ def read(settings: Settings) -> Study:
 
 
 def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """The cell of that file, made and written if it is not there: what is finished is not done again.
+    """Read the cell of a file; make and write it first where the file is missing.
 
-    Raises ValueError, in one line, where one is there that says something else of what is `asked`.
+    Raises ValueError, in one line, where an existing cell differs from what is `asked`.
     """
     if not path.exists():
         print(f"making {path}", flush=True)
@@ -120,17 +120,20 @@ def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]
 
 
 def methods(settings: Settings, study: Study) -> tuple[str, ...]:
-    """The methods asked for, in the order of the table. ValueError for one that is not of it."""
+    """List the requested methods in the order of the table. Raises ValueError for an unknown one."""
     return listed("method", settings.methods, [name for name in ROWS if study.simulated or not _needs_known_reward(name)])
 
 
 def _needs_known_reward(name: str) -> bool:
-    """Whether the row can be trained only where somebody knows the true reward: on the simulated mob."""
+    """Return whether training the row needs the true reward, which is known for simulated meerkats alone."""
     return METHODS[name].needs_true_reward and not METHODS[name].assumes_no_reward
 
 
 def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]:
-    """Train a method on all windows: |ΔV| of q and of π by seed, mean maps, the learned functions, learning curves."""
+    """Train a method on all windows and return its cell.
+
+    The cell has |ΔV| of q and of π by seed, mean maps, the learned functions and learning curves.
+    """
     result = train(
         "meerkat",
         method,
@@ -140,7 +143,7 @@ def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]
         config=settings.training,
     )
     windows = generate(result, len(study.codes))
-    found = {name: _compared(study, codes) for name, codes in windows.items()}
+    compared = {name: _compared(study, codes) for name, codes in windows.items()}
     table = cast(Tabular, result.spec.env.tabular)
     return {
         **result.summary,
@@ -148,9 +151,9 @@ def method_cell(settings: Settings, study: Study, method: str) -> dict[str, Any]
         "commit": study.commit,
         "alarms": result.alarms,
         "windows": len(study.codes),
-        "difference": {name: {lag: one[lag]["per_seed"] for lag in map(str, LAGS)} for name, one in found.items()},
-        "links": {lag: found["sampled"][lag]["links"] for lag in map(str, LAGS)},
-        "difference_map": {lag: found["sampled"][lag]["map"] for lag in map(str, LAGS)},
+        "difference": {name: {lag: by_lag[lag]["per_seed"] for lag in map(str, LAGS)} for name, by_lag in compared.items()},
+        "links": {lag: compared["sampled"][lag]["links"] for lag in map(str, LAGS)},
+        "difference_map": {lag: compared["sampled"][lag]["map"] for lag in map(str, LAGS)},
         "recovered": as_json(recover(result, table)),
         "curves": {name: _rounded(result.history[name].mean(axis=1)) for name in CURVES if name in result.history},
     }
@@ -160,7 +163,7 @@ CURVES = ("entropy", "return", "feasibility_expert", "feasibility_policy", "loss
 
 
 def generate(result: Result, number: int) -> dict[str, Int[np.ndarray, "S N T"]]:
-    """`number` windows of codes of each seed: episodes of π, and draws of q by δ̄ from a pool of them."""
+    """Generate `number` windows of codes of each seed: episodes of π, and draws of q by δ̄ from a pool of them."""
     one_seed = jax.jit(partial(_windows, result.networks, number))
     seeds = [one_seed(result.state(index)) for index in range(len(result.summary["seeds"]))]
     policy, sampled = (np.stack(parts) for parts in zip(*seeds, strict=True))
@@ -176,7 +179,7 @@ def _windows(nets: Networks, number: int, state: TrainState) -> tuple[Any, Any]:
 
 
 def _compared(study: Study, windows: Int[np.ndarray, "S N T"]) -> dict[str, dict[str, Any]]:
-    """Of each τ_max: mean |ΔV| by seed, mean V and mean |ΔV| by pair of codes."""
+    """Compute, for each τ_max, mean |ΔV| by seed, and mean V and mean |ΔV| by pair of codes."""
     compared = {}
     for lag in LAGS:
         links = np.stack([strongest(link_strengths(codes, study.num_codes, lag)) for codes in windows])
@@ -187,7 +190,7 @@ def _compared(study: Study, windows: Int[np.ndarray, "S N T"]) -> dict[str, dict
 
 
 def yardstick_cell(settings: Settings, study: Study) -> dict[str, Any]:
-    """What a mean |ΔV| is read beside, by seed, and the maps of the Markov chain and of chance."""
+    """Compute the yardsticks of mean |ΔV| by seed, and the maps of the Markov chain and of uniform windows."""
     size, length = study.codes.shape
     chain = sample_chain(*markov_chain(study.herd.windows.code, study.num_codes), size, length, seed=0)
     uniform = uniform_windows(size, length, study.num_codes, seed=0)
@@ -204,7 +207,7 @@ def yardstick_cell(settings: Settings, study: Study) -> dict[str, Any]:
 
 
 def _command(settings: Settings, study: Study, method: str) -> str:
-    """The run that trains the same."""
+    """Return the command of a run that trains the same."""
     data = "env.data=simulated" if study.simulated else "env.data=DIR"
     return f"python -m experiments.run env=meerkat {data} method={method} seeds={settings.seeds}"
 
@@ -220,7 +223,7 @@ def from_json(values: dict[str, Any]) -> Recovered:
 
 
 def _rounded(values: Any) -> Any:
-    """Four significant digits, NaN as null."""
+    """Round to four significant digits, with None for NaN."""
     array = np.asarray(values)
     if array.ndim:
         return [_rounded(item) for item in array]

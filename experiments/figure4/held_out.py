@@ -1,4 +1,4 @@
-"""Recordings that were left out: how likely a policy trained on the others, and a Markov chain, find their next code."""
+"""Score held-out recordings: the likelihood of their next code under a policy trained on the others, and a Markov chain."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -19,7 +19,7 @@ SMOOTHINGS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # pseudo-counts that cross-valida
 
 
 def held_out_cell(settings: Settings, study: Study, method: str, fold: int) -> dict[str, Any]:
-    """Mean log P(next code) of two recordings under the policy that was trained on the others, and under a Markov chain."""
+    """Compute mean log P(next code) of two recordings under a policy trained on the others, and under a Markov chain."""
     where = {"data": settings.data, "mapping": settings.mapping, "split": "train", "fold": fold}
     result = train(
         "meerkat",
@@ -51,7 +51,7 @@ def _transitions(options: MeerkatOptions) -> tuple[Int[np.ndarray, "N T"], Int[n
 
 
 def smoothed_chain(study: Study, held_out: Sequence[str]) -> tuple[float, Float[np.ndarray, "C C"]]:
-    """The first-order chain of the other recordings, its pseudo-count chosen by leaving out one of these at a time."""
+    """Fit the first-order chain to the other recordings; leaving out one of them at a time chooses its pseudo-count."""
     windows = study.herd.windows
     names = [name for name in np.unique(windows.recording).tolist() if name not in held_out]
 
@@ -60,8 +60,8 @@ def smoothed_chain(study: Study, held_out: Sequence[str]) -> tuple[float, Float[
         for name in names:
             fitted = np.isin(windows.recording, [other for other in names if other != name])
             log_chain = np.log(markov_chain(windows.code[fitted], study.num_codes, smoothing)[1])
-            judged = windows.code[windows.recording == name]
-            total += log_chain[judged[:, :-1], judged[:, 1:]].sum()
+            left_out = windows.code[windows.recording == name]
+            total += log_chain[left_out[:, :-1], left_out[:, 1:]].sum()
         return total
 
     best = max(SMOOTHINGS, key=score)

@@ -1,4 +1,4 @@
-"""The words of Figure 4: mean |ΔV| beside its yardsticks, held-out likelihood, the contrast prior, recovery, plain words."""
+"""Write the report of Figure 4: mean |ΔV| beside its yardsticks, held-out likelihood, the contrast prior and recovery."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -12,18 +12,18 @@ from experiments.figure4.cells import Settings, Study, from_json
 from experiments.figure4.truth import against_truth
 from experiments.shared.paired_tests import effect, spread
 
-SHOWN = "aircl_corrected"  # whose learned functions are put in words, and which the others are compared with
+SHOWN = "aircl_corrected"  # method whose learned functions are described, and which the others are compared with
 YARDSTICKS = {"halves": "two halves", "noise_floor": "noise floor", "markov_chain": "Markov chain", "uniform": "uniform random"}
-PRIOR = (("aircl", "aircl_no_prior"), ("aircl_corrected_prior", "aircl_corrected"), ("icrl_prior", "icrl"))  # with, without
+PRIOR = (("aircl", "aircl_no_prior"), ("aircl_corrected_prior", "aircl_corrected"), ("icrl_prior", "icrl"))  # (with, without)
 MAPS = """\
 The links V of the recordings (left colours), then |ΔV| of each method (windows of q, mean over seeds) and yardstick on one
 scale, with its mean (chain and chance: of one draw, where the table has the mean of ten); codes as in the table of
 `experiments.figure2`."""
-TARGET = 1.25  # times the noise floor
+TARGET = 1.25  # target of mean |ΔV|, in noise floors
 
 
 class Found(NamedTuple):
-    """The cells so far: yardsticks, methods by name, held-out folds by method."""
+    """The finished cells: yardsticks, methods by name, held-out folds by method."""
 
     yardsticks: dict[str, Any]
     methods: dict[str, dict[str, Any]]
@@ -34,45 +34,46 @@ def named_yardsticks(cell: Mapping[str, Any], lag: str) -> dict[str, list[float]
     return {words: cell[lag]["per_seed"][name] for name, words in YARDSTICKS.items()}
 
 
-def fold_scores(found: Found) -> dict[str, list[float]]:
-    """Mean log P by fold of the Markov chain and of every method, over the folds that all have."""
-    number = min(map(len, found.held_out.values()))
-    chain = next(iter(found.held_out.values()))[:number]
+def fold_scores(finished: Found) -> dict[str, list[float]]:
+    """Return mean log P by fold of the Markov chain and of every method, over the folds that all have."""
+    number = min(map(len, finished.held_out.values()))
+    chain = next(iter(finished.held_out.values()))[:number]
     scores = {"Markov chain": [cell["chain"] for cell in chain]}
-    return scores | {name: [cell["policy"] for cell in folds[:number]] for name, folds in found.held_out.items()}
+    return scores | {name: [cell["policy"] for cell in folds[:number]] for name, folds in finished.held_out.items()}
 
 
-def report(settings: Settings, study: Study, found: Found, command: str, captions: Mapping[str, str]) -> str:
-    """report.md, every number with the command that made it."""
+def report(settings: Settings, study: Study, finished: Found, command: str, captions: Mapping[str, str]) -> str:
+    """Return the text of report.md, with the command that made its numbers."""
     lag = str(settings.tau_max)
     mob = "the simulated mob (SIMULATED: no animal was observed)" if study.simulated else "the recorded windows"
     parts = [
         f"# Figure 4: causal links on {mob}",
         f"Made by `{command}`; {len(study.codes):,} windows of {study.codes.shape[1]} steps, {_lags(lag)}.",
-        "## Mean |ΔV|\n\n" + difference_table(found, lag) + "\n\n" + target(found, lag),
+        "## Mean |ΔV|\n\n" + difference_table(finished, lag) + "\n\n" + target(finished, lag),
         f"![maps](figure4_links_tau{lag}.png)\n\n{MAPS}",
         f"![means](figure4_differences_tau{lag}.png)\n\nMean |ΔV| by seed.",
-        "## Recordings held out\n\n" + held_out(found),
-        "## The contrast prior\n\n" + prior(found, lag),
+        "## Recordings held out\n\n" + held_out(finished),
+        "## The contrast prior\n\n" + prior(finished, lag),
     ]
     if study.simulated:
-        parts.append("## Against the known truth\n\n" + against_truth(study, found.methods))
-    if SHOWN in found.methods:
-        recovered = from_json(found.methods[SHOWN]["recovered"])
+        parts.append("## Against the known truth\n\n" + against_truth(study, finished.methods))
+    if SHOWN in finished.methods:
+        recovered = from_json(finished.methods[SHOWN]["recovered"])
         codes = Codes(study.herd.windows.names, study.herd.impossible)
         parts.append(f"## What drives and what binds them, by {SHOWN}\n\n" + in_words(recovered, codes))
         parts += [f"![{name}]({name}.png)\n\n{caption}" for name, caption in captions.items()]
-    parts.append("## Settled?\n\n" + settled(found))
-    parts.append("## What the cells were made with\n\n" + made_with(found))
-    alarms = [f"{name}: {line}" for name, cell in found.methods.items() for line in cell["alarms"]]
+    parts.append("## Settled?\n\n" + settled(finished))
+    parts.append("## What the cells were made with\n\n" + made_with(finished))
+    alarms = [f"{name}: {line}" for name, cell in finished.methods.items() for line in cell["alarms"]]
     parts.append("## Alarms\n\n" + markdown.bullets(alarms))
     return markdown.paragraphs(*parts)
 
 
-def made_with(found: Found) -> str:
+def made_with(finished: Found) -> str:
+    """Tabulate each method's commit, iterations, time and command."""
     rows = [
         (name, cell["commit"], cell["iterations"], f"{cell['wall_s']:.0f}", f"`{cell['command']}`")
-        for name, cell in found.methods.items()
+        for name, cell in finished.methods.items()
     ]
     made = markdown.table(("", "commit", "iterations", "seconds", "trained as by"), rows)
     return made + "\n\nA method's settings are those of `aircl_jax/settings/env_defaults.py` at its commit."
@@ -82,20 +83,20 @@ def _lags(lag: str) -> str:
     return "τ = 1" if lag == "1" else f"the strongest of τ = 1 to {lag}"
 
 
-def difference_table(found: Found, lag: str) -> str:
-    """Methods and yardsticks: mean ± std over seeds, in noise floors, and paired against the corrected row."""
-    floor = float(np.mean(found.yardsticks[lag]["per_seed"]["noise_floor"]))
-    ours = found.methods[SHOWN]["difference"]["sampled"][lag] if SHOWN in found.methods else None
+def difference_table(finished: Found, lag: str) -> str:
+    """Tabulate methods and yardsticks: mean ± std over seeds, in noise floors, and paired with the corrected row."""
+    floor = float(np.mean(finished.yardsticks[lag]["per_seed"]["noise_floor"]))
+    ours = finished.methods[SHOWN]["difference"]["sampled"][lag] if SHOWN in finished.methods else None
     rows = []
-    for name, cell in found.methods.items():
+    for name, cell in finished.methods.items():
         sampled, policy = (cell["difference"][of][lag] for of in ("sampled", "policy"))
         against = ("", "") if ours is None or name == SHOWN else _against(sampled, ours)
         rows.append((name, spread(sampled), spread(policy), f"{np.mean(sampled) / floor:.2f}", *against))
-    for name, values in named_yardsticks(found.yardsticks, lag).items():
+    for name, values in named_yardsticks(finished.yardsticks, lag).items():
         against = ("", "") if ours is None or name in ("two halves", "noise floor") else _against(values, ours)
         rows.append((f"*{name}*", spread(values), "", f"{np.mean(values) / floor:.2f}", *against))
-    real = found.yardsticks[lag]["per_seed"]["real_strength"][0]
-    seeds = sorted({len(cell["seeds"]) for cell in found.methods.values()})
+    real = finished.yardsticks[lag]["per_seed"]["real_strength"][0]
+    seeds = sorted({len(cell["seeds"]) for cell in finished.methods.values()})
     return "\n".join(
         [
             markdown.table(("", "q", "π", "q, in noise floors", f"q less {SHOWN}'s [95 %]", "p"), rows),
@@ -110,42 +111,42 @@ def difference_table(found: Found, lag: str) -> str:
 def _against(values: Sequence[float], ours: Sequence[float]) -> tuple[str, str]:
     if len(values) != len(ours):
         return "", ""
-    found = effect(values, ours)
-    return f"{found.mean:+.4f} [{found.low:+.4f}, {found.high:+.4f}]", f"{found.p:.3f}"
+    gap = effect(values, ours)
+    return f"{gap.mean:+.4f} [{gap.low:+.4f}, {gap.high:+.4f}]", f"{gap.p:.3f}"
 
 
-def target(found: Found, lag: str) -> str:
-    """Whether the corrected row is within 1.25 noise floors and below AIRL and GACL."""
-    if SHOWN not in found.methods:
+def target(finished: Found, lag: str) -> str:
+    """Say whether the corrected row is within 1.25 noise floors and below AIRL and GACL."""
+    if SHOWN not in finished.methods:
         return ""
-    ours = float(np.mean(found.methods[SHOWN]["difference"]["sampled"][lag]))
-    floor = float(np.mean(found.yardsticks[lag]["per_seed"]["noise_floor"]))
-    chain = float(np.mean(found.yardsticks[lag]["per_seed"]["markov_chain"]))
+    ours = float(np.mean(finished.methods[SHOWN]["difference"]["sampled"][lag]))
+    floor = float(np.mean(finished.yardsticks[lag]["per_seed"]["noise_floor"]))
+    chain = float(np.mean(finished.yardsticks[lag]["per_seed"]["markov_chain"]))
     within = "within" if ours <= TARGET * floor else "**not** within"
     lines = [f"{SHOWN} is {within} {TARGET} noise floors ({ours / floor:.2f}; the fitted Markov chain {chain / floor:.2f})."]
     for name in ("airl", "gacl"):
-        if name in found.methods:
-            theirs = float(np.mean(found.methods[name]["difference"]["sampled"][lag]))
+        if name in finished.methods:
+            theirs = float(np.mean(finished.methods[name]["difference"]["sampled"][lag]))
             lines.append(f"It is {'below' if ours < theirs else '**not** below'} {name} ({theirs / floor:.2f}).")
     return " ".join(lines)
 
 
-def held_out(found: Found) -> str:
-    """Next-code log-likelihood of policies and of the smoothed chain on recordings that neither saw."""
-    if not found.held_out:
+def held_out(finished: Found) -> str:
+    """Tabulate the next-code log-likelihood of policies and of the smoothed chain on recordings that neither saw."""
+    if not finished.held_out:
         return "Not made: `folds=9` does it."
-    scores = fold_scores(found)
+    scores = fold_scores(finished)
     chain, folds = scores["Markov chain"], len(scores["Markov chain"])
     rows = []
     for name, values in scores.items():
         if name == "Markov chain":
             rows.append(("*first-order Markov chain*", spread(values, 4), "", ""))
             continue
-        found_effect = effect(values, chain)
+        gain = effect(values, chain)
         won = int(np.sum(np.array(values) > chain))
-        interval = f"{found_effect.mean:+.4f} [{found_effect.low:+.4f}, {found_effect.high:+.4f}]"
+        interval = f"{gain.mean:+.4f} [{gain.low:+.4f}, {gain.high:+.4f}]"
         rows.append((name, spread(values, 4), interval, f"{won} of {folds}"))
-    smoothing = sorted({cell["smoothing"] for cell in next(iter(found.held_out.values()))})
+    smoothing = sorted({cell["smoothing"] for cell in next(iter(finished.held_out.values()))})
     return "\n".join(
         [
             markdown.table(("", "mean log P of the next code", "less the chain's [95 % over folds]", "folds won"), rows),
@@ -157,34 +158,34 @@ def held_out(found: Found) -> str:
     )
 
 
-def prior(found: Found, lag: str) -> str:
-    """With and without Eq. 13, effects with intervals."""
+def prior(finished: Found, lag: str) -> str:
+    """Tabulate the effects of Eq. 13, the contrast prior, with intervals."""
     rows, made = [], False
     for with_it, without in PRIOR:
-        if with_it not in found.methods or without not in found.methods:
+        if with_it not in finished.methods or without not in finished.methods:
             continue
         made = True
-        for name, values in _measures(found, lag, with_it, without).items():
+        for name, values in _measures(finished, lag, with_it, without).items():
             if any(value is None for side in values for value in side):
                 continue
-            one = effect(*values)
+            change = effect(*values)
             rows.append(
                 (
                     f"{name}: {with_it} − {without}",
                     *map(spread, values),
-                    f"{one.mean:+.4f} [{one.low:+.4f}, {one.high:+.4f}]",
-                    f"{one.size:+.2f}",
-                    f"{one.p:.3f}",
+                    f"{change.mean:+.4f} [{change.low:+.4f}, {change.high:+.4f}]",
+                    f"{change.size:+.2f}",
+                    f"{change.p:.3f}",
                 )
             )
-    known = "" if "icrl" in found.methods else " ICRL needs the true reward, which nobody knows here; see the simulated mob."
+    known = "" if "icrl" in finished.methods else " ICRL needs the true reward, which is unknown here; see the simulated mob."
     note = f"d: mean difference in standard deviations of the differences. For |ΔV| less is better.{known}"
     head = ("measure", "with", "without", "difference [95 %]", "d", "p")
     return "\n\n".join([markdown.table(head, rows), note]) if made else f"No pair is finished yet.{known}"
 
 
-def _measures(found: Found, lag: str, *names: str) -> dict[str, list[list[float]]]:
-    cells = [found.methods[name] for name in names]
+def _measures(finished: Found, lag: str, *names: str) -> dict[str, list[list[float]]]:
+    cells = [finished.methods[name] for name in names]
     measured = {"mean |ΔV|": [cell["difference"]["sampled"][lag] for cell in cells]}
     for metric, words in (
         ("feasibility_auroc", "AUROC of δ̄"),
@@ -196,10 +197,10 @@ def _measures(found: Found, lag: str, *names: str) -> dict[str, list[list[float]
     return measured
 
 
-def settled(found: Found) -> str:
-    """Means over the seeds at three quarters of the training and at its end."""
+def settled(finished: Found) -> str:
+    """Tabulate means over the seeds at three quarters of the training and at its end."""
     rows = []
-    for name, cell in found.methods.items():
+    for name, cell in finished.methods.items():
         curve = np.array(cell["curves"]["entropy"], float)
         fifth = max(1, len(curve) // 10)
         at = int(len(curve) * 0.75)

@@ -1,4 +1,4 @@
-"""What was recovered on the simulated mob beside the reward and the constraint that it was drawn with."""
+"""Compare the functions recovered on simulated meerkats with the reward and the constraint that generated the data."""
 
 from collections.abc import Mapping
 from typing import Any, cast
@@ -24,7 +24,7 @@ frequencies, so that they say what counting says, less what a small network smoo
 
 
 def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:
-    """Of each method's cell: recovered reward and constraint beside the simulated mob's own."""
+    """Tabulate each method's recovered reward and constraint beside the simulated meerkats' own."""
     truth = cast(Truth, study.herd.truth)
     heads = ("", "corr(f, r), π's feasible steps", "each seen pair once", "without going on", "AUROC of δ̄, windows", "gap")
     heads += ("AUROC of δ₁, changes", "violations, q", "π")
@@ -35,10 +35,10 @@ def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:
         seen = (recovered.seen > 0) & ~truth.forbidden
         among = (seen, seen & moved)
         by_pair, by_change = (
-            spread([_correlation(one[pairs], truth.reward[pairs]) for one in recovered.reward], 2) for pairs in among
+            spread([_correlation(reward[pairs], truth.reward[pairs]) for reward in recovered.reward], 2) for pairs in among
         )
-        _, judged = _chance(recovered.seen, truth)
-        ranked = [_auroc(one[judged], ~truth.forbidden[judged]) for one in recovered.delta]
+        _, testable = _chance(recovered.seen, truth)
+        ranked = [_auroc(delta[testable], ~truth.forbidden[testable]) for delta in recovered.delta]
         reward, windows, gap = (spread(measured[key]["per_seed"], 3) for key in MEASURED)
         rates = [spread(measured[key]["per_seed"], 3) for key in RATES]
         rows.append((name, reward, by_pair, by_change, windows, gap, spread(ranked, 2), *rates))
@@ -48,13 +48,16 @@ def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _chance(seen: Int[np.ndarray, "C C"], truth: Truth) -> tuple[Float[np.ndarray, "C C"], Bool[np.ndarray, "C C"]]:
-    """How often chance would have shown each change, and whether that is often enough to judge it."""
+    """Return how often chance would have shown each change, and whether that is often enough to test it."""
     cases = expected(seen, truth.structural)
     return cases, (cases >= LEAST_EXPECTED) & ~truth.structural
 
 
 def _by_counting(study: Study, truth: Truth, moved: Bool[np.ndarray, "C C"]) -> tuple[list[str], str]:
-    """With no learning at all: correlations of a pair's log share with the reward, AUROC of a change's cases per expected."""
+    """Score counting, which learns nothing.
+
+    Returns the correlations of a pair's log share with the reward, and the AUROC of a change's cases per expected case.
+    """
     code = study.herd.windows.code
     seen = np.zeros(truth.reward.shape, dtype=np.int64)
     np.add.at(seen, (code[:, :-1], code[:, 1:]), 1)
@@ -63,13 +66,13 @@ def _by_counting(study: Study, truth: Truth, moved: Bool[np.ndarray, "C C"]) -> 
     once = [f"{_correlation(log_share[among], truth.reward[among]):.2f}" for among in (allowed, allowed & moved)]
     times = seen[allowed]
     by_step = _correlation(np.repeat(log_share[allowed], times), np.repeat(truth.reward[allowed], times))
-    expected, judged = _chance(seen, truth)
-    ranking = _auroc(seen[judged] / expected[judged], ~truth.forbidden[judged])
+    expected, testable = _chance(seen, truth)
+    ranking = _auroc(seen[testable] / expected[testable], ~truth.forbidden[testable])
     return [f"{by_step:.3f}", *once], f"{ranking:.2f}"
 
 
-def _correlation(found: Float[np.ndarray, " K"], true: Float[np.ndarray, " K"]) -> float:
-    return float(np.corrcoef(found, true)[0, 1]) if np.isfinite(found).all() and np.ptp(found) > 0 else float("nan")
+def _correlation(learned: Float[np.ndarray, " K"], true: Float[np.ndarray, " K"]) -> float:
+    return float(np.corrcoef(learned, true)[0, 1]) if np.isfinite(learned).all() and np.ptp(learned) > 0 else float("nan")
 
 
 def _auroc(score: Float[np.ndarray, " K"], positive: Bool[np.ndarray, " K"]) -> float:

@@ -1,23 +1,23 @@
-"""The commit that a number was made at, and whether the code has changed since."""
+"""Find the commit that a number was made at, and whether the code has changed since."""
 
 import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-CODE = ("aircl_jax", "envs")  # what a cell's numbers depend on
+CODE = ("aircl_jax", "envs")  # the folders that a cell's numbers depend on
 
 
 def current_commit() -> str:
-    """Of this project; `-dirty` where the code differs from it."""
-    found = _git("rev-parse", "--short", "HEAD")
-    if found.returncode:
+    """Return this project's commit, with `-dirty` where the code differs from it, or `unknown` without Git."""
+    head = _git("rev-parse", "--short", "HEAD")
+    if head.returncode:
         return "unknown"
     changed = _git("diff", "--quiet", "HEAD", "--", *CODE, "experiments").returncode
-    return found.stdout.strip() + ("-dirty" if changed else "")
+    return head.stdout.strip() + ("-dirty" if changed else "")
 
 
 def changed_since(commit: str) -> bool | None:
-    """Whether the library's code differs from that of a commit; None where nobody can tell."""
+    """Return whether the library's code differs from a commit's; None where that cannot be found out."""
     if commit.endswith("-dirty"):
         return None
     return {0: False, 1: True}.get(_git("diff", "--quiet", commit, "--", *CODE).returncode)

@@ -1,4 +1,4 @@
-"""JSON files of results, written whole or not at all."""
+"""Write JSON files of results, whole or not at all."""
 
 import json
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ def keep(path: Path, cell: Mapping[str, Any]) -> None:
 
 
 def _json(value: Any, levels: int, indent: str = "") -> str:
-    """JSON with a line for each of the outer levels' items."""
+    """Format as JSON with one line for each item of the outer `levels`."""
     if not levels or not isinstance(value, Mapping):
         return json.dumps(value, ensure_ascii=False, allow_nan=False)
     inner = indent + " "

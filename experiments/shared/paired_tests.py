@@ -1,4 +1,4 @@
-"""Which differences a few seeds can show: paired tests, Holm's correction and bootstrap intervals."""
+"""Test which differences a few seeds can show: paired tests, Holm's correction and bootstrap intervals."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -26,7 +26,7 @@ class Effect(NamedTuple):
 
 
 def effect(one: Sequence[float], other: Sequence[float]) -> Effect:
-    """one − other, pair by pair; NaN where there are fewer than two."""
+    """Compute one − other, pair by pair; interval, size and p are NaN with fewer than two pairs."""
     difference = np.array(one, float) - np.array(other, float)
     number, mean = len(difference), float(difference.mean())
     if number < 2:
@@ -37,7 +37,7 @@ def effect(one: Sequence[float], other: Sequence[float]) -> Effect:
 
 
 def spread(values: Sequence[float | None], digits: int = 4) -> str:
-    """Mean ± sample standard deviation in words; — where it is undefined for one, or where there is none."""
+    """Format mean ± sample standard deviation; — where a value is undefined, or where there is none."""
     array = np.array(values, float)
     if not array.size or not np.isfinite(array).all():
         return "—"
@@ -45,24 +45,24 @@ def spread(values: Sequence[float | None], digits: int = 4) -> str:
 
 
 def each(values: Iterable[float | None]) -> str:
-    """Every seed's value in words."""
+    """Format every seed's value."""
     return " ".join("—" if value is None else f"{value:.3f}" for value in values)
 
 
 def mean(values: Values) -> float | None:
-    """Over seeds; None as soon as it is undefined for one."""
+    """Average over seeds; None where the value of any seed is undefined."""
     defined = [value for value in values.values() if value is not None]
     return sum(defined) / len(defined) if defined and len(defined) == len(values) else None
 
 
 def differences(first: Values, second: Values) -> np.ndarray:
-    """first − second on the seeds where both are defined."""
+    """Compute first − second on the seeds where both are defined."""
     seeds = [seed for seed in first if first[seed] is not None and second.get(seed) is not None]
     return np.array([first[seed] for seed in seeds], float) - np.array([second[seed] for seed in seeds], float)
 
 
 def paired_p(difference: np.ndarray) -> float:
-    """Two-sided p of Wilcoxon's signed-rank test; 1 where nothing differs."""
+    """Compute the two-sided p of Wilcoxon's signed-rank test; 1 where nothing differs."""
     if not difference.any():
         return 1.0
     _, p = stats.wilcoxon(difference)
@@ -70,12 +70,12 @@ def paired_p(difference: np.ndarray) -> float:
 
 
 def least_p(pairs: int) -> float:
-    """The smallest p that the test can give with so many pairs: all signs alike, 2 of 2^n cases."""
+    """Return the smallest p that the test can give with this number of pairs: all signs alike, 2 of 2^n cases."""
     return min(2.0 ** (1 - pairs), 1.0)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Holm's step-down correction: p_(i) ← max_{j ≤ i} min(1, (m − j + 1) p_(j)), in the order that was given."""
+    """Apply Holm's step-down correction, in the order of the input: p_(i) ← max_{j ≤ i} min(1, (m − j + 1) p_(j))."""
     order = np.argsort(p_values, kind="stable")
     scaled = np.asarray(p_values, float)[order] * np.arange(len(p_values), 0, -1)
     adjusted = np.empty(len(p_values))
@@ -84,23 +84,23 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def interval(values: Iterable[float | None]) -> tuple[float, float] | None:
-    """Percentile bootstrap interval of the mean; None with fewer than two values, or where one is undefined."""
+    """Compute the percentile bootstrap interval of the mean; None with fewer than two values, or an undefined one."""
     sample = np.array([np.nan if value is None else value for value in values], float)
     if len(sample) < 2 or np.isnan(sample).any():
         return None
     if np.ptp(sample) == 0:
         return float(sample[0]), float(sample[0])
     draws = np.random.default_rng(0)
-    found = stats.bootstrap(
+    bootstrap = stats.bootstrap(
         (sample,), np.mean, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile", rng=draws
     )
-    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+    return float(bootstrap.confidence_interval.low), float(bootstrap.confidence_interval.high)
 
 
 def against_best(column: Mapping[str, Values], lower: bool) -> dict[str, float]:
-    """Holm-adjusted p of each method against the one with the best mean, whose own is 1.
+    """Compute the Holm-adjusted p of each method against the method with the best mean, whose own p is 1.
 
-    A method that is undefined on a seed is left out. Empty where the seeds are too few to show any difference.
+    Methods that are undefined on a seed are left out. The result is empty where the seeds are too few to show a difference.
     """
     means = {name: average for name, values in column.items() if (average := mean(values)) is not None}
     if len(means) < 2:
@@ -114,5 +114,5 @@ def against_best(column: Mapping[str, Values], lower: bool) -> dict[str, float]:
 
 
 def best_or_tied(column: Mapping[str, Values], lower: bool) -> set[str]:
-    """The best mean, and whatever the seeds do not show to be worse."""
+    """Return the method with the best mean, and the methods that the seeds do not show to be worse."""
     return {name for name, p in against_best(column, lower).items() if p >= SIGNIFICANCE}

@@ -1,4 +1,4 @@
-"""Table 1 of the paper, as printed.
+"""Hold Table 1 of the paper, as printed.
 
 "Adversarial Inverse Reward-Constraint Learning with Reward-Feasibility Contrast Prior Inspired by Animal Behaviour",
 anonymous authors: discriminator accuracy (RCAcc) and constraint violation rate, mean ± std of ten seeds.

@@ -1,8 +1,15 @@
-"""Table 1, ours beside the paper's: `python -m experiments.table1` trains the cells that are missing, then writes.
+"""Train the missing cells of Table 1 and write it beside the paper's: `python -m experiments.table1`.
 
-Settings, as NAME=VALUE: scale (full, or smoke: minutes that test the machinery, kept apart from results), env and method
-(comma lists, or all), seeds, iterations (0: the environment's own), out (a folder), train (false: only write from the cells
-that are there), overwrite (true: train the chosen cells anew). What was cut continues; a finished cell is skipped.
+Finished cells are skipped, and interrupted ones continue. Settings, as NAME=VALUE:
+
+scale       full, or smoke: a few minutes that test the machinery, kept apart from results
+env         a comma list of environments, or all
+method      a comma list of methods, or all
+seeds       number of seeds; 0 takes the scale's own
+iterations  number of iterations; 0 takes the environment's own
+out         folder of the results
+train       false only writes from the cells that exist
+overwrite   true trains the chosen cells anew
 """
 
 import shlex
@@ -20,7 +27,7 @@ from experiments.table1 import cells, claims_report, report
 from experiments.table1.cells import COLUMNS, ROWS, Job
 
 RESULTS = Path("results")
-SMOKE_ON_ROBOTS = ("airl", "aircl", "aircl_corrected", "bc")  # one of each kind: what takes the time is compiling
+SMOKE_ON_ROBOTS = ("airl", "aircl", "aircl_corrected", "bc")  # one method of each kind, because compiling takes the time
 
 
 @dataclass(frozen=True)
@@ -40,10 +47,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def make_table(settings: Settings, words: Sequence[str]) -> int:
-    """Train what is missing and write the table and the claims; bad input where a cell was refused."""
+    """Train the missing cells and write the table and the claims; return BAD_INPUT where a cell was refused."""
     job = job_of(settings)
     chosen = chosen_cells(settings)
-    cells.load(job)  # refuses what is of another scale, before anything is trained
+    cells.load(job)  # refuses cells of another scale before anything is trained
     refused = make(job, chosen, settings.overwrite) if settings.train else {}
     write(job, refused, shlex.join(["python", "-m", "experiments.table1", *words]))
     for reason in refused.values():
@@ -52,7 +59,7 @@ def make_table(settings: Settings, words: Sequence[str]) -> int:
 
 
 def chosen_cells(settings: Settings) -> list[tuple[str, str]]:
-    """The environments and methods asked for; a smoke test of all leaves most robot cells out."""
+    """List the requested environments and methods; a smoke test of all methods leaves out most robot cells."""
     envs = listed("env", settings.env, COLUMNS)
     methods = listed("method", settings.method, ROWS)
     few = SMOKE_ON_ROBOTS if settings.scale == "smoke" and settings.method == "all" else methods
@@ -60,7 +67,7 @@ def chosen_cells(settings: Settings) -> list[tuple[str, str]]:
 
 
 def job_of(settings: Settings) -> Job:
-    """Where the cells go and what they are made with. Raises ValueError where they could pass for results."""
+    """Choose the folders and the budget of the cells. Raises ValueError where short runs could pass for results."""
     if settings.seeds < 0 or settings.iterations < 0:
         raise ValueError(f"seeds={settings.seeds} iterations={settings.iterations}: neither may be negative")
     smoke = settings.scale == "smoke"
@@ -81,7 +88,7 @@ def job_of(settings: Settings) -> Job:
 
 
 def make(job: Job, chosen: Sequence[tuple[str, str]], overwrite: bool) -> dict[tuple[str, str], str]:
-    """Train the chosen cells that are missing; returns why which were refused."""
+    """Train the chosen cells that are missing; return {cell: reason} of those that were refused."""
     commit = current_commit()  # of the code that this process has loaded
     refused: dict[tuple[str, str], str] = {}
     with _compiling_fast(job.scale == "smoke"):
@@ -97,7 +104,7 @@ def make(job: Job, chosen: Sequence[tuple[str, str]], overwrite: bool) -> dict[t
 
 @contextmanager
 def _compiling_fast(fast: bool) -> Iterator[None]:
-    """Without XLA's costlier optimisations, where compiling takes longer than what is run."""
+    """Switch off XLA's costlier optimisations if `fast`, for runs that are shorter than their compilation."""
     import jax
 
     before = jax.config.read("jax_disable_most_optimizations")
@@ -109,16 +116,16 @@ def _compiling_fast(fast: bool) -> Iterator[None]:
 
 
 def write(job: Job, refused: dict[tuple[str, str], str], command: str) -> None:
-    """table1.md, table1.json and claims.md from the cells that are there."""
-    found = cells.load(job)
+    """Write table1.md, table1.json and claims.md from the cells that exist."""
+    finished = cells.load(job)
     absent = {env: cells.unavailable(env) for env in COLUMNS}
     missing = {
         (env, method): refused.get((env, method)) or absent[env] or "not trained yet"
         for env in COLUMNS
         for method in ROWS
-        if (env, method) not in found
+        if (env, method) not in finished
     }
-    study = cells.Study(job, found, missing, command, current_commit())
+    study = cells.Study(job, finished, missing, command, current_commit())
     job.out.mkdir(parents=True, exist_ok=True)
     for name, text in (
         ("table1.md", report.markdown(study)),

@@ -1,4 +1,4 @@
-"""Cells of Table 1: one method on one environment, trained by runs that resume, kept as results/cells/ENV/METHOD.json."""
+"""Train, keep and read the cells of Table 1: one method on one environment each, in results/cells/ENV/METHOD.json."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ from experiments.shared.paired_tests import Values
 from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER
 
 ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "bc")
-POINTS = 20  # of a learning curve, at least
+POINTS = 20  # least number of points of a learning curve
 CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
 
 Cell = Mapping[str, Any]
@@ -31,7 +31,7 @@ Cells = Mapping[tuple[str, str], Cell]  # by env and method
 
 @dataclass(frozen=True)
 class Job:
-    """What all cells of a table are made with. `iterations` 0 means the environment's own."""
+    """Settings that all cells of a table share. `iterations` 0 means the environment's own."""
 
     scale: Literal["full", "smoke"]
     seeds: int
@@ -49,7 +49,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Study:
-    """All that a table is written from: the finished cells, and why the others are missing."""
+    """Input of a table: the finished cells, and the reason for each missing one."""
 
     job: Job
     cells: Cells
@@ -58,30 +58,30 @@ class Study:
     commit: str
 
     def column(self, env: str, metric: str, methods: Sequence[str] = ROWS) -> dict[str, Values]:
-        """{method: {seed: value}} of the finished cells."""
+        """Return {method: {seed: value}} of the finished cells."""
         row = {method: self.cells.get((env, method)) for method in methods}
         return {method: values(cell, metric) for method, cell in row.items() if cell is not None}
 
 
 def iterations_of(job: Job, env: str) -> int:
-    """The same for every method: what the longer of the paper's and our settings of this environment say."""
+    """Return the iterations of every method: the longer of the paper's and our settings for this environment."""
     return job.iterations or max(default_config(env, settings).iterations for settings in ("paper", "tuned"))
 
 
 def chunk_of(iterations: int) -> int:
-    """The longest chunk that divides the iterations and leaves POINTS evaluations; 1 where there are fewer iterations."""
+    """Return the longest chunk that divides the iterations into at least POINTS; 1 where there are fewer iterations."""
     return max((n for n in range(1, iterations + 1) if iterations % n == 0 and iterations // n >= POINTS), default=1)
 
 
 def arguments(job: Job, env: str, method: str) -> Mapping[str, Any]:
-    """Of `train`, for this cell."""
+    """Return the arguments of `train` for this cell."""
     iterations = iterations_of(job, env)
     config = {**job.config, "checkpoint_every": chunk_of(iterations)}
     return {"env": env, "method": method, "seeds": job.seeds, "iterations": iterations, "config": config}
 
 
 def command(job: Job, env: str, method: str) -> str:
-    """The command line that makes this cell's run by itself."""
+    """Return the command line that makes this cell's run alone."""
     chosen = arguments(job, env, method)
     settings = [f"train.{name}={value}" for name, value in flatten(chosen["config"]).items()]
     words = [f"{name}={value}" for name, value in chosen.items() if name != "config"]
@@ -89,13 +89,13 @@ def command(job: Job, env: str, method: str) -> str:
 
 
 def spec_of(job: Job, env: str, method: str) -> RunSpec:
-    """The checked run of this cell."""
+    """Return the checked run of this cell."""
     rest: dict[str, Any] = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "default", "env_settings": {}}
     return make_spec(**arguments(job, env, method), **rest)
 
 
 def settings_of(spec: RunSpec) -> dict[str, Any]:
-    """All that a cell's numbers depend on beside the code: the run's settings and the bytes of shipped demonstrations."""
+    """Return what a cell's numbers depend on beside the code: the run's settings, digests of shipped demonstrations."""
     name = spec.env.shipped_demonstrations
     files = [resources.files("envs") / "demonstrations" / f"{part}.npz" for part in (name, f"{name}_reference")]
     digests = [hashlib.sha256(file.read_bytes()).hexdigest()[:16] for file in files] if name else []
@@ -103,18 +103,21 @@ def settings_of(spec: RunSpec) -> dict[str, Any]:
 
 
 def unavailable(env: str) -> str | None:
-    """Why an environment can have no cells yet; None where it can."""
+    """Return the reason why an environment can have no cells; None where it can."""
     from envs import make_env
 
     return None if make_env(env).expert is not None else "no demonstrations are shipped for this environment"
 
 
 def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = False) -> Cell:
-    """Train, or continue what was cut, and keep the cell. Raises ValueError where the run there is another one."""
+    """Train the cell's run, or continue it where it was cut, and keep the cell.
+
+    Raises ValueError where the directory holds a run with other settings.
+    """
     spec, directory = spec_of(job, env, method), job.run_dir(env, method)
     chosen = arguments(job, env, method)
     if overwrite:
-        job.path(env, method).unlink(missing_ok=True)  # so that a cut run is continued and not skipped
+        job.path(env, method).unlink(missing_ok=True)  # so that the next call continues a cut run and does not skip it
     commits = _commits(directory, commit, overwrite)
     reporter = Reporter(f"{method} on {env}, {chosen['iterations']} iterations of {job.seeds} seeds, in {directory}")
     line = command(job, env, method)
@@ -139,7 +142,7 @@ def make_cell(job: Job, env: str, method: str, commit: str, overwrite: bool = Fa
 
 
 def _commits(directory: Path, commit: str, overwrite: bool) -> list[str]:
-    """The commits of the sittings of a run, this one last, kept beside its directory."""
+    """Record and return the commits at which a run was trained, this one last; they are kept beside its directory."""
     path = directory.with_name(f"{directory.name}.commits")
     begun = not overwrite and (directory / CONFIG).exists() and path.exists()
     earlier = [line for line in path.read_text().split() if line != commit] if begun else []
@@ -149,11 +152,11 @@ def _commits(directory: Path, commit: str, overwrite: bool) -> list[str]:
 
 
 def curves(history: Mapping[str, np.ndarray], chunk: int) -> dict[str, list]:
-    """The learning curves at the evaluations: {"iteration": [P], NAME: [P, S]}; iteration 0 is the untrained policy's batch."""
+    """Thin the history to its evaluations: {"iteration": [P], NAME: [P, S]}; iteration 0 is the untrained policy's batch."""
     iterations = len(next(iter(history.values())))
     rows = list(range(chunk - 1, iterations, chunk))
     done = [row + 1 for row in rows]
-    if chunk > 1:  # the first line is the batch before the first update, and no evaluation
+    if chunk > 1:  # the first row is the batch before the first update, which is no evaluation
         rows, done = [0, *rows], [0, *done]
     thinned: dict[str, list] = {"iteration": done}
     for name in CURVES:
@@ -167,7 +170,7 @@ def _short(value: float) -> float | None:
 
 
 def load(job: Job) -> dict[tuple[str, str], Cell]:
-    """The finished cells of this table. Raises ValueError where a cell is of another scale."""
+    """Read the finished cells of this table. Raises ValueError where a cell is of another scale."""
     paths = {(env, method): job.path(env, method) for env in COLUMNS for method in ROWS}
     cells = {place: json.loads(path.read_text()) for place, path in paths.items() if path.exists()}
     for place, cell in cells.items():
@@ -177,9 +180,9 @@ def load(job: Job) -> dict[tuple[str, str], Cell]:
 
 
 def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
-    """{difference: the cells that were made so}: settings that are no longer those of this table.
+    """Compare the cells' settings with those of this table; return {difference: the cells that have it}.
 
-    A setting that a cell does not name is younger than the cell; its default is what was done before there was one.
+    A cell that does not name a setting is older than the setting and gets the value that stands for the earlier behaviour.
     """
     differences: dict[str, list[str]] = {}
     for (env, method), cell in cells.items():
@@ -194,7 +197,10 @@ def other_settings(job: Job, cells: Cells) -> dict[str, list[str]]:
 
 
 def values(cell: Cell, metric: str) -> Values:
-    """{seed: value} at the end of training; `return_ratio` is the return over the expert's, where that is positive."""
+    """Return {seed: value} at the end of training.
+
+    `return_ratio` is the return divided by the expert's, where the expert's is positive.
+    """
     if metric == "return_ratio":
         both = zip(*(cell["metrics"][name]["per_seed"] for name in ("return", "expert_return")), strict=True)
         ratios = [None if own is None or not expert or expert <= 0 else own / expert for own, expert in both]

@@ -1,4 +1,4 @@
-"""How a claim is judged from the cells: three rules, each of which ends in holds, does not hold or cannot be told."""
+"""Judge a claim from the cells by one of three rules; each verdict is holds, does not hold or cannot be told."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
@@ -25,7 +25,7 @@ class Finding(NamedTuple):
 
 
 def overall(findings: Sequence[Finding]) -> Verdict:
-    """What more than half of the lines say; those that cannot be told count as lines."""
+    """Return the verdict of more than half of the lines; lines that cannot be told count as lines."""
     for verdict in ("holds", "does not hold"):
         if sum(finding.verdict == verdict for finding in findings) * 2 > len(findings):
             return verdict
@@ -33,14 +33,14 @@ def overall(findings: Sequence[Finding]) -> Verdict:
 
 
 def told(finding: Finding, seeds: int) -> Finding:
-    """The finding, where there are seeds enough to tell."""
+    """Return the finding, or the verdict that it cannot be told where the seeds are too few."""
     if seeds >= FEWEST_SEEDS:
         return finding
     return finding._replace(verdict="cannot be told", because=f"{seeds} seeds are too few")
 
 
 class Contrast(NamedTuple):
-    """One row is better than another: a paired test on each measure in each environment, Holm over all of them."""
+    """Rule that one row is better than another: a paired test on each measure in each environment, Holm over all."""
 
     better: str
     worse: str
@@ -61,7 +61,7 @@ class Contrast(NamedTuple):
         return [self._finding(study, place, gains[place], adjusted.get(place, 1.0)) for place in places]
 
     def _gain(self, study: Study, env: str, metric: str) -> np.ndarray | None:
-        """How much better, seed by seed; None where a cell is missing or the measure undefined."""
+        """Compute the gain of `better` over `worse` by seed; None where a cell is missing or the measure is undefined."""
         column = study.column(env, metric, (self.better, self.worse))
         if len(column) < 2:
             return None
@@ -95,13 +95,13 @@ class Contrast(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """A measure of a row is at most, or at least, so much: its bootstrap interval against each environment's limit."""
+    """Rule that a measure of a row keeps each environment's limit, by its bootstrap interval."""
 
     method: str
     metric: str
     limits: Mapping[str, float]
-    most: bool  # the limit is an upper one
-    reason: str = ""  # for the limit
+    most: bool  # True: the limit is an upper one
+    reason: str = ""  # where the limit comes from
 
     rule = "Holds: the bootstrap interval of the mean lies within. Does not hold: all of it lies beyond. Cannot be told: else."
 
@@ -125,7 +125,7 @@ class Bound(NamedTuple):
 
 
 class Harder(NamedTuple):
-    """Every row of the paper violates more in one environment than in another: the means of those with both cells."""
+    """Rule that every row of the paper violates more in one environment than in another, by means of rows with both."""
 
     env: str
     than: str
@@ -135,12 +135,12 @@ class Harder(NamedTuple):
     def findings(self, study: Study) -> list[Finding]:
         here, there = (study.column(env, "violation_rate", METHODS_OF_THE_PAPER) for env in (self.env, self.than))
         both = [(mean(here[method]), mean(there[method])) for method in here if method in there]
-        pairs = [(one, other) for one, other in both if one is not None and other is not None]
+        pairs = [(harder, easier) for harder, easier in both if harder is not None and easier is not None]
         what = f"violation_rate higher than on {self.than}"
         absent = missing(study, self.env, METHODS_OF_THE_PAPER) or missing(study, self.than, METHODS_OF_THE_PAPER)
         if absent or not pairs:
             return [Finding(self.env, what, "—", "cannot be told", absent or "undefined")]
-        worse, rows = sum(one > other for one, other in pairs), len(pairs)
+        worse, rows = sum(harder > easier for harder, easier in pairs), len(pairs)
         verdict: Verdict = "holds" if worse == rows else "does not hold" if 2 * worse <= rows else "cannot be told"
         return [told(Finding(self.env, what, f"{worse} of {rows} rows", verdict), min(map(len, here.values())))]
 
@@ -149,12 +149,12 @@ Rule = Contrast | Bound | Harder
 
 
 def missing(study: Study, env: str, methods: Sequence[str]) -> str:
-    """Which of these cells are missing, in words; empty where none is."""
+    """Name the missing ones of these cells; empty where none is missing."""
     absent = [method for method in methods if (env, method) not in study.cells]
     return f"cells missing: {', '.join(absent)}" if absent else ""
 
 
 def mean_std(study: Study, env: str, metric: str, method: str) -> str:
-    found = study.column(env, metric, (method,))[method]
-    row = statistics([np.nan if value is None else value for value in found.values()])
+    values = study.column(env, metric, (method,))[method]
+    row = statistics([np.nan if value is None else value for value in values.values()])
     return "—" if row["mean"] is None else f"{row['mean']:.3f}" + ("" if row["std"] is None else f" ± {row['std']:.3f}")

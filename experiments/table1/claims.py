@@ -1,4 +1,4 @@
-"""The paper's claims and ours, each with the rules by which the cells of Table 1 judge it."""
+"""List the paper's claims and ours, each with the rules that judge it from the cells of Table 1."""
 
 import math
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from experiments.table1.cells import COLUMNS, ROWS, Study
 from experiments.table1.claim_rules import Bound, Contrast, Finding, Harder, Rule, Verdict, missing, told
 
 EVEN = math.log(0.6 / 0.4)  # |logit| below which D is between 0.4 and 0.6
-FEWEST_ROWS = 5  # of a rank correlation
-BALANCED = 0.05  # from ½: balanced accuracy of a discriminator that cannot tell
+FEWEST_ROWS = 5  # least number of rows of a rank correlation
+BALANCED = 0.05  # distance from ½ within which balanced accuracy counts as chance
 ROBOTS = COLUMNS[1:]
-ELSEWHERE = ("gridworld", "swimmer", "pendulum")  # where the paper says that the prior helps
+ELSEWHERE = ("gridworld", "swimmer", "pendulum")  # environments on which the paper says that the prior helps
 
 
 class Claim(NamedTuple):
-    """A sentence of the paper, or of ours, and the rules that judge it."""
+    """Sentence of the paper or of this project, and the rules that judge it."""
 
     text: str
     where: str
@@ -84,8 +84,8 @@ CLAIMS = (
     ),
 )
 
-TARGETS = {"gridworld": 0.005, "swimmer": 0.05, "walker": 0.05, "pendulum": 0.02}  # of the violation rate of q
-TARGETS_POLICY = TARGETS | {"pendulum": 0.05}  # of that of π
+TARGETS = {"gridworld": 0.005, "swimmer": 0.05, "walker": 0.05, "pendulum": 0.02}  # limits of the violation rate of q
+TARGETS_POLICY = TARGETS | {"pendulum": 0.05}  # limits of the violation rate of π
 LEAST_OF_THE_PAPER = {env: min(row["violation_rate"][0] for row in PAPER[env].values()) for env in COLUMNS}
 OURS = (
     Claim(
@@ -126,45 +126,46 @@ Judged = tuple[str, str, list[Finding]]  # text, where, evidence
 
 
 def judged(study: Study, claim: Claim) -> Judged:
+    """Apply the claim's rules to the cells."""
     return claim.text, claim.where, [finding for rule in claim.rules for finding in rule.findings(study)]
 
 
 def best_without_reward(study: Study) -> list[Finding]:
-    """Is `aircl_corrected` best or tied in the violation rate of q among the rows that know no reward?"""
-    found = []
+    """Judge whether `aircl_corrected` is best or tied in the violation rate of q among the rows that know no reward."""
+    findings = []
     rows = [method for method in ROWS if not METHODS[method].needs_true_reward]
     for env in COLUMNS:
         absent = missing(study, env, rows)
         adjusted = {} if absent else against_best(study.column(env, "violation_rate", rows), lower=True)
         if not adjusted:
-            found.append(Finding(env, "violation_rate", "—", "cannot be told", absent or "too few seeds"))
+            findings.append(Finding(env, "violation_rate", "—", "cannot be told", absent or "too few seeds"))
             continue
         best = next(iter(adjusted))
         p = adjusted.get("aircl_corrected", 0.0)
         verdict: Verdict = "holds" if p >= SIGNIFICANCE else "does not hold"
-        found.append(Finding(env, "violation_rate", f"best mean: {best}; against it p = {p:.2g}", verdict))
-    return found
+        findings.append(Finding(env, "violation_rate", f"best mean: {best}; against it p = {p:.2g}", verdict))
+    return findings
 
 
 def ranks(study: Study) -> list[Finding]:
-    """Spearman's correlation, over the rows with a discriminator, of mean RCAcc with mean violation rate of q."""
-    found = []
+    """Correlate mean RCAcc with mean violation rate of q over the rows with a discriminator (Spearman)."""
+    findings = []
     for env in COLUMNS:
         accuracies, rates = (study.column(env, metric) for metric in ("rc_acc", "violation_rate"))
         both = [(mean(accuracies[method]), mean(rates[method])) for method in accuracies]
         points = np.array([pair for pair in both if None not in pair], float).reshape(-1, 2)
         if len(points) < FEWEST_ROWS or (np.ptp(points, axis=0) == 0).any():
-            found.append(Finding(env, "rank correlation", f"{len(points)} rows", "cannot be told", "cells missing"))
+            findings.append(Finding(env, "rank correlation", f"{len(points)} rows", "cannot be told", "cells missing"))
             continue
         rho, p = map(float, stats.spearmanr(points[:, 0], points[:, 1]))  # pyright: ignore[reportArgumentType]
         verdict: Verdict = "does not hold" if rho >= 0 else "holds" if p < SIGNIFICANCE else "cannot be told"
         measured = f"ρ = {rho:+.2f}, p = {p:.2g}, {len(points)} rows"
-        found.append(told(Finding(env, "rank correlation", measured, verdict), min(map(len, rates.values()))))
-    return found
+        findings.append(told(Finding(env, "rank correlation", measured, verdict), min(map(len, rates.values()))))
+    return findings
 
 
 def at_the_optimum(study: Study) -> str:
-    """RCAcc of the runs whose discriminator cannot tell the policy from the expert at the end."""
+    """Describe RCAcc of the runs whose discriminator cannot tell the policy from the expert at the end."""
     ends = [
         end
         for cell in study.cells.values()

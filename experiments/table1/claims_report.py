@@ -1,4 +1,4 @@
-"""claims.md: what the cells say of each claim, counted, and the lines of evidence below; by `python -m experiments.table1`."""
+"""Write claims.md: the verdict on each claim, the number of lines behind it, and the lines themselves."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from experiments.table1.report import warning
 
 
 def markdown(study: Study) -> str:
-    """claims.md."""
+    """Return the text of claims.md."""
     paper = [claims.judged(study, claim) for claim in claims.CLAIMS]
     best = "`aircl_corrected` is best or tied among rows that are not given the true reward"
     ours = [(best, "ours", claims.best_without_reward(study)), *(claims.judged(study, claim) for claim in claims.OURS)]
@@ -38,7 +38,7 @@ def markdown(study: Study) -> str:
         animals,
         f"## What RCAcc is at the optimum\n\n{claims.at_the_optimum(study)}",
         "# Evidence",
-        *(_evidence(*one) for one in (*paper, *ours, *measure)),
+        *(_evidence(*claim) for claim in (*paper, *ours, *measure)),
         "# Rules",
         md.bullets(_rules()),
     ]
@@ -51,13 +51,13 @@ def _summary(title: str, judged: Sequence[Judged]) -> str:
 
 
 def _verdict(findings: Sequence[Finding]) -> str:
-    found = overall(findings)
-    absent = found == "cannot be told" and any(finding.because.startswith("cells missing") for finding in findings)
-    return f"{found}: cells missing" if absent else found
+    verdict = overall(findings)
+    absent = verdict == "cannot be told" and any(finding.because.startswith("cells missing") for finding in findings)
+    return f"{verdict}: cells missing" if absent else verdict
 
 
 def _counted(findings: Sequence[Finding]) -> str:
-    """How the lines fall, with their environments."""
+    """Count the lines of each verdict and name their environments."""
     parts = []
     for verdict in ("holds", "does not hold", "cannot be told"):
         envs = Counter(finding.env for finding in findings if finding.verdict == verdict)

@@ -1,4 +1,4 @@
-"""Learning curves: have ours settled, and are the paper's values those of runs stopped before convergence?"""
+"""Test whether our learning curves have settled, and whether the paper's values are those of runs stopped early."""
 
 from typing import NamedTuple
 
@@ -13,11 +13,11 @@ RULE = (
     "the row is within the paper's standard deviation of the paper's mean. Holds: near at some evaluation, and not at the end. "
     "Does not hold: near at the end, or never."
 )
-STILL = 0.005  # a change of the violation rate that counts as none
+STILL = 0.005  # largest change of the violation rate that counts as none
 
 
 class Passage(NamedTuple):
-    """Where a curve goes past a value: the iteration of the first evaluation beyond it, None where it never does."""
+    """A curve's first and last value, and the iteration of its first evaluation beyond a given value (None: never)."""
 
     start: float
     end: float
@@ -31,34 +31,37 @@ class Passage(NamedTuple):
 
 
 def curve(cell: Cell, metric: str) -> tuple[np.ndarray, np.ndarray]:
-    """The evaluated iterations and the mean over seeds; iterations at which it is undefined are left out."""
+    """Return the evaluated iterations and the mean over seeds, without the iterations at which it is undefined."""
     iterations = np.array(cell["curves"]["iteration"])
     rows = cell["curves"].get(metric, [])
-    values = np.array([[np.nan if one is None else one for one in row] for row in rows], float)
+    values = np.array([[np.nan if value is None else value for value in row] for row in rows], float)
     mean = values.mean(axis=1) if len(values) else np.full(len(iterations), np.nan)
     defined = np.isfinite(mean)
     return iterations[defined], mean[defined]
 
 
 def passage(iterations: np.ndarray, mean: np.ndarray, value: float) -> Passage:
-    """The first evaluation that is on the other side of the value than the first one, or on it."""
+    """Find the first evaluation that reaches the value, or lies on the other side of it than the curve's start."""
     beyond = (mean - value) * (mean[0] - value) <= 0
     first = int(iterations[beyond.argmax()]) if beyond.any() else None
     return Passage(float(mean[0]), float(mean[-1]), first)
 
 
 def near(cell: Cell, printed: Printed) -> dict[int, bool]:
-    """{iteration: whether every printed measure is within one standard deviation}, where all of them are defined."""
-    found: dict[int, bool] | None = None
+    """Return {iteration: whether every printed measure is within the paper's standard deviation of the paper's mean}.
+
+    Iterations at which a measure is undefined are left out.
+    """
+    all_near: dict[int, bool] | None = None
     for metric, (value, std) in printed.items():
         iterations, mean = curve(cell, metric)
-        here = {int(step): bool(abs(one - value) <= std) for step, one in zip(iterations, mean, strict=True)}
-        found = here if found is None else {step: found[step] and here[step] for step in found if step in here}
-    return found or {}
+        here = {int(step): bool(abs(ours - value) <= std) for step, ours in zip(iterations, mean, strict=True)}
+        all_near = here if all_near is None else {step: all_near[step] and here[step] for step in all_near if step in here}
+    return all_near or {}
 
 
 def settled(cell: Cell) -> str:
-    """Whether the violation rate of π still moves: yes, no, or — with fewer than eight evaluations."""
+    """Say whether the violation rate of π has settled: yes, no, or — with fewer than eight evaluations."""
     curve = np.array(cell["curves"].get("violation_rate_policy", []), float)
     if len(curve) < 8:
         return "—"
@@ -69,7 +72,7 @@ def settled(cell: Cell) -> str:
 
 
 def findings(study: Study) -> list[Finding]:
-    """A line for each row and environment of the paper's table."""
+    """Judge each row and environment of the paper's table."""
     return [_finding(study, env, method) for env in COLUMNS for method in METHODS_OF_THE_PAPER]
 
 

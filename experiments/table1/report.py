@@ -1,4 +1,4 @@
-"""Table 1 as Markdown and as JSON: ours beside the paper's, what the seeds can show, and what every cell was made with."""
+"""Write Table 1 as Markdown and as JSON: ours beside the paper's, paired tests over seeds, and each cell's provenance."""
 
 import json
 from collections.abc import Mapping
@@ -15,11 +15,11 @@ from experiments.shared.paper import PAPER
 from experiments.table1.cells import COLUMNS, ROWS, Cell, Study, other_settings
 from experiments.table1.convergence import STILL, settled
 
-LEVELS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # of the violation rate, in the performance profile
+LEVELS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # violation rates of the performance profile
 
 
 class Measure(NamedTuple):
-    """A table of methods × environments; `better` says what is in bold."""
+    """One table of methods × environments; `better` says which values are set in bold."""
 
     metric: str
     title: str
@@ -41,7 +41,7 @@ SECOND = (
 
 
 def markdown(study: Study) -> str:
-    """table1.md."""
+    """Return the text of table1.md."""
     parts = [
         *_heading(study),
         *_missing(study),
@@ -58,10 +58,10 @@ def markdown(study: Study) -> str:
 
 
 def as_json(study: Study) -> str:
-    """table1.json: the cells' summaries without their curves, the paper's numbers, what is missing, what is tied best."""
-    kept: dict[str, dict[str, Cell]] = {env: {} for env in COLUMNS}
+    """Return the text of table1.json: summaries without curves, the paper's numbers, missing cells and best-or-tied rows."""
+    summaries: dict[str, dict[str, Cell]] = {env: {} for env in COLUMNS}
     for (env, method), cell in study.cells.items():
-        kept[env][method] = {name: value for name, value in cell.items() if name not in ("curves", "settings")}
+        summaries[env][method] = {name: value for name, value in cell.items() if name not in ("curves", "settings")}
     whole = {
         "scale": study.job.scale,
         "command": study.command,
@@ -74,13 +74,13 @@ def as_json(study: Study) -> str:
             if measure.better != "neither"
         },
         "paper": PAPER,
-        "cells": kept,
+        "cells": summaries,
     }
     return json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def warning(study: Study) -> str:
-    """What a smoke test's pages begin with."""
+    """Return the warning that a smoke test's pages begin with."""
     return (
         f"**This tests the machinery and says nothing about the methods**: `scale=smoke`, {study.job.seeds} seeds of "
         f"{study.job.iterations} iterations, of most methods on the grid alone."
@@ -88,6 +88,7 @@ def warning(study: Study) -> str:
 
 
 def bold(study: Study, env: str, measure: Measure) -> set[str]:
+    """Return the methods that are best or tied in one environment."""
     return best_or_tied(study.column(env, measure.metric), measure.better == "lower")
 
 
@@ -97,7 +98,7 @@ def _heading(study: Study) -> list[str]:
     counts: dict[str, set[int]] = {env: set() for env in COLUMNS}
     for (env, _), cell in study.cells.items():
         counts[env].add(cell["iterations"])
-    ran = ", ".join(f"{env} {' or '.join(map(str, sorted(found)))}" for env, found in counts.items() if found) or "none yet"
+    ran = ", ".join(f"{env} {' or '.join(map(str, sorted(ns)))}" for env, ns in counts.items() if ns) or "none yet"
     seconds = sum(cell["wall_s"] for cell in study.cells.values())
     devices = sorted({cell["versions"]["devices"] for cell in study.cells.values()})
     made = (
@@ -126,14 +127,14 @@ def _missing(study: Study) -> list[str]:
 
 
 def _grouped(places: Mapping[tuple[str, str], str]) -> dict[str, list[str]]:
-    """{reason: cells}; an environment of which all are concerned stands for its cells."""
-    found: dict[str, list[str]] = {}
+    """Return {reason: cells}; an environment all of whose cells share the reason is named once."""
+    grouped: dict[str, list[str]] = {}
     for reason in dict.fromkeys(places.values()):
         for env in COLUMNS:
             rows = [method for method in ROWS if places.get((env, method)) == reason]
             if rows:
-                found.setdefault(reason, []).append(f"{env} (all)" if len(rows) == len(ROWS) else f"{env}: {', '.join(rows)}")
-    return found
+                grouped.setdefault(reason, []).append(f"{env} (all)" if len(rows) == len(ROWS) else f"{env}: {', '.join(rows)}")
+    return grouped
 
 
 def _measure_table(study: Study, measure: Measure) -> str:
@@ -155,19 +156,20 @@ def _measure_table(study: Study, measure: Measure) -> str:
 
 
 def name_of(method: str) -> str:
+    """Return the method's name, with † where it is given the true reward."""
     return f"`{method}`" + (" †" if METHODS[method].needs_true_reward else "")
 
 
 def shown(values: Values | None) -> str:
-    """mean ± std [low, high]."""
+    """Format values as mean ± std [low, high]."""
     if not values:
         return "—"
-    found = statistics([np.nan if value is None else value for value in values.values()])
-    if found["mean"] is None:
+    row = statistics([np.nan if value is None else value for value in values.values()])
+    if row["mean"] is None:
         return "—"
-    spread = "" if found["std"] is None else f" ± {found['std']:.3f}"
+    spread = "" if row["std"] is None else f" ± {row['std']:.3f}"
     bounds = interval(values.values())
-    return f"{found['mean']:.3f}{spread}" + (f" [{bounds[0]:.3f}, {bounds[1]:.3f}]" if bounds else "")
+    return f"{row['mean']:.3f}{spread}" + (f" [{bounds[0]:.3f}, {bounds[1]:.3f}]" if bounds else "")
 
 
 def _printed(value: tuple[float, float] | None) -> str:
@@ -191,7 +193,7 @@ def _effort_table(study: Study) -> str:
 
 
 def _profile(study: Study) -> list[str]:
-    """Share of all (environment, seed) runs whose violation rate is at most τ."""
+    """Compute the share of all (environment, seed) runs whose violation rate is at most τ."""
     rows = []
     for method in ROWS:
         columns = [study.column(env, "violation_rate_policy", [method]).get(method, {}) for env in COLUMNS]

@@ -1,4 +1,4 @@
-"""Plan the policy exactly where the world is a table whose states are seen: soft value iteration in place of PPO."""
+"""Plan the policy exactly in tabular worlds with observed states: soft value iteration in place of PPO."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from envs import Env, Tabular
 
 
 def plannable(env: Env, method: Method, config: TrainConfig) -> Tabular:
-    """The world's table. Raises ValueError, in one line, for worlds, rows and temperatures by which it cannot be planned."""
+    """Return the world's table. Raises ValueError, in one line, for worlds, methods and temperatures that forbid planning."""
     asked = "train.learner=exact"
     if env.tabular is None or not env.finite_horizon:
         raise ValueError(f"{asked}: env={env.name} is no table with an end to plan from; choose ppo, or a grid")
@@ -35,7 +35,7 @@ def plannable(env: Env, method: Method, config: TrainConfig) -> Tabular:
 
 
 def reward_table(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> Float[Array, "X A"]:
-    """What the policy is paid in each state for each action, without its entropy: `policy_reward` of steps taken alone."""
+    """Compute the policy's reward of each action in each state, without entropy: `policy_reward` of single steps."""
     states, actions = table.reward.shape
     taken = jnp.tile(jnp.arange(actions), states)
     step = jnp.zeros((states * actions, 1))
@@ -55,7 +55,7 @@ def reward_table(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> Flo
 def update(nets: BoundNetworks, expert: Trajectory, table: Tabular, moves: Any = True) -> tuple[Params, Metrics]:
     """Line 7: π_t(a|x) ∝ exp(Q_t(x, a) / β) and V_t = β log Σ_a exp(Q_t / β), Q_t = r + E[V_{t+1}], of the row's own reward.
 
-    β is the entropy's weight in the policy's reward. Where `moves` is False both tables stay as they are.
+    β is the entropy's weight in the policy's reward. Both tables stay unchanged where `moves` is False.
     """
     reward = reward_table(nets, expert, table)
     plan = soft_value_iteration(table, reward, nets.env.horizon, nets.networks.entropy_weight, forbid=False)
@@ -65,5 +65,5 @@ def update(nets: BoundNetworks, expert: Trajectory, table: Tabular, moves: Any =
 
 
 def _as_params(table: Float[Array, "T X O"]) -> dict[str, Any]:
-    """The table as the parameters of a `model.modules.Table`."""
+    """Wrap the table as the parameters of a `model.modules.Table`."""
     return {"params": {"table": table}}

@@ -1,4 +1,4 @@
-"""PPO-Lagrangian: max_π J_r(π) subject to J_c(π) ≤ d, on the true reward and cost (Ray et al. 2019)."""
+"""Train by PPO-Lagrangian: max_π J_r(π) subject to J_c(π) ≤ d, on the true reward and cost (Ray et al. 2019)."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ _TRUE_REWARD = Method(reward="true", discriminator_of="none", feasibility="none"
 
 
 class Moments(NamedTuple):
-    """Of all observations met in training: their number, mean, and Σ (s − mean)²."""
+    """Number, mean and Σ (s − mean)² of all observations in training so far."""
 
     number: Float[Array, ""]
     mean: Float[Array, " O"]
@@ -31,7 +31,7 @@ class Moments(NamedTuple):
 
 
 class LagrangianState(NamedTuple):
-    """All that training carries from one iteration to the next, of one seed."""
+    """State that one seed's training carries from one iteration to the next."""
 
     policy: Any
     value: Any  # V_r
@@ -65,7 +65,7 @@ class Lagrangian(NamedTuple):
 
 
 def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
-    """PPO-Lagrangian's two functions; with `constrained` 0 it is plain PPO from `release` on."""
+    """Make PPO-Lagrangian's two functions; with `constrained` 0 it is plain PPO from `release` on."""
     nets = make_networks(env, _TRUE_REWARD, TrainConfig(hidden=config.hidden, ppo=config.ppo))
     optimiser = make_optimiser(config.ppo)
 
@@ -86,19 +86,19 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
         multiplier = jnp.where(held, state.multiplier, 0.0)
         motors = weakened(env, jnp.where(held, config.motor_limit, jnp.inf)) if config.motor_limit else env
         world = restarting(motors, config.fall_cost)
-        met = rollouts(acting, key_rollout, config.num_trajectories, world)
-        batch = make_batch(acting, state.cost_value, met, multiplier, config)
+        episodes = rollouts(acting, key_rollout, config.num_trajectories, world)
+        batch = make_batch(acting, state.cost_value, episodes, multiplier, config)
         state, metrics = update(acting, state, batch, key_update, config)
-        cost = (met.cost * met.mask).sum(axis=1)
+        cost = (episodes.cost * episodes.mask).sum(axis=1)
         state = state._replace(
             multiplier=next_multiplier(state.multiplier, cost.mean(), config),
-            moments=observe(state.moments, met),
+            moments=observe(state.moments, episodes),
             key=key,
             step=state.step + 1,
         )
         return state, {
             **metrics,
-            "return": (met.reward * met.mask).sum(axis=1).mean(),
+            "return": (episodes.reward * episodes.mask).sum(axis=1).mean(),
             "cost": cost.mean(),
             "clean_share": (cost == 0).mean(),
             "multiplier": multiplier,
@@ -109,7 +109,7 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
 
 
 def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
-    """Adam on the policy and both critics, clipped by the norm of all three: the shipped experts were trained so."""
+    """Make Adam on the policy and both critics, clipped by the norm of all three, as in training the shipped experts."""
     return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), optax.adam(config.learning_rate, eps=1e-5))
 
 
@@ -121,11 +121,11 @@ def next_multiplier(
     return jnp.minimum(multiplier * jnp.exp(ascent), config.multiplier_max)
 
 
-def observe(moments: Moments, met: Trajectory) -> Moments:
-    """The moments after further observations (Chan et al. 1979)."""
-    count = met.mask.sum()
-    mean = jnp.einsum("nt,nto->o", met.mask, met.obs) / count
-    square = jnp.einsum("nt,nto->o", met.mask, (met.obs - mean) ** 2)
+def observe(moments: Moments, episodes: Trajectory) -> Moments:
+    """Update the moments with further observations (Chan et al. 1979)."""
+    count = episodes.mask.sum()
+    mean = jnp.einsum("nt,nto->o", episodes.mask, episodes.obs) / count
+    square = jnp.einsum("nt,nto->o", episodes.mask, (episodes.obs - mean) ** 2)
     total, apart = moments.number + count, mean - moments.mean
     share = count / total
     return Moments(
@@ -136,13 +136,13 @@ def observe(moments: Moments, met: Trajectory) -> Moments:
 
 
 def stats_of(moments: Moments) -> ObsStats:
-    """Mean and standard deviation so far; 0 and 1 before the first iteration."""
+    """Return mean and standard deviation so far; 0 and 1 before the first iteration."""
     spread = jnp.sqrt(moments.square / jnp.maximum(moments.number, 1.0))
     return ObsStats(moments.mean, jnp.where(moments.number > 0, spread, 1.0))
 
 
 def bound(nets: Networks, state: LagrangianState) -> BoundNetworks:
-    """The policy and V_r with what has been learned and seen so far."""
+    """Bind the policy and V_r to their parameters and to the statistics of observations so far."""
     thresholds = Thresholds(jnp.zeros(()), jnp.zeros(()))
     params = Params(state.policy, state.value, reward=None, feasibility=None, thresholds=thresholds)
     return nets.bind(params, stats_of(state.moments))
@@ -151,7 +151,7 @@ def bound(nets: Networks, state: LagrangianState) -> BoundNetworks:
 def lagrangian_advantage(
     gain: Float[Array, "N T"], cost_gain: Float[Array, "N T"], mask: Float[Array, "N T"], multiplier: Float[Array, ""]
 ) -> Float[Array, "N T"]:
-    """(Â_r / std Â_r − λ Â_c) / (1 + λ), both centred; Â_c keeps its unit, for costs that are rare must not be blown up."""
+    """(Â_r / std Â_r − λ Â_c) / (1 + λ), both centred; Â_c keeps its unit, because scaling would blow up rare costs."""
     gain, cost_gain = (x - ppo.masked_mean(x, mask) for x in (gain, cost_gain))
     spread = jnp.sqrt(ppo.masked_mean(gain**2, mask))
     return (gain / (spread + 1e-8) - multiplier * cost_gain) / (1.0 + multiplier)
@@ -160,23 +160,26 @@ def lagrangian_advantage(
 def make_batch(
     nets: BoundNetworks,
     cost_critic: Any,
-    met: Trajectory,
+    episodes: Trajectory,
     multiplier: Float[Array, ""],
     config: LagrangianConfig,
 ) -> Batch:
-    """All steps of the rollouts but the last of each, which lends both critics its value as the bootstrap."""
-    t = jnp.broadcast_to(jnp.arange(met.mask.shape[1]), met.mask.shape)
-    cost_value = jax.vmap(jax.vmap(nets.with_params(value=cost_critic).value))(met.obs, t)
+    """Flatten all steps of the rollouts but each one's last, whose values bootstrap both critics."""
+    t = jnp.broadcast_to(jnp.arange(episodes.mask.shape[1]), episodes.mask.shape)
+    cost_value = jax.vmap(jax.vmap(nets.with_params(value=cost_critic).value))(episodes.obs, t)
 
     def estimate(reward: Array, value: Array, discount: float) -> Array:
-        last = value[:, -1] * met.mask[:, -1]
+        last = value[:, -1] * episodes.mask[:, -1]
         gae = jax.vmap(ppo.gae, (0, 0, 0, 0, None, None))
-        return gae(reward[:, :-1], value[:, :-1], last, met.mask[:, :-1], discount, config.ppo.gae_lambda)
+        return gae(reward[:, :-1], value[:, :-1], last, episodes.mask[:, :-1], discount, config.ppo.gae_lambda)
 
-    reward = met.reward - config.centred * ppo.masked_mean(met.reward, met.mask)
-    gain = estimate(config.reward_scale * reward, met.value, config.ppo.discount)
-    cost_gain = estimate(met.cost, cost_value, config.cost_discount)
-    early = jax.tree.map(lambda leaf: leaf[:, :-1], (met.obs, met.action, t, met.log_prob, met.value, cost_value, met.mask))
+    reward = episodes.reward - config.centred * ppo.masked_mean(episodes.reward, episodes.mask)
+    gain = estimate(config.reward_scale * reward, episodes.value, config.ppo.discount)
+    cost_gain = estimate(episodes.cost, cost_value, config.cost_discount)
+    early = jax.tree.map(
+        lambda leaf: leaf[:, :-1],
+        (episodes.obs, episodes.action, t, episodes.log_prob, episodes.value, cost_value, episodes.mask),
+    )
     obs, action, t, log_prob, value, cost_value, mask = early
     advantage = lagrangian_advantage(gain, cost_gain, mask, multiplier)
     steps = Batch(obs, action, t, log_prob, advantage, value + gain, cost_value + cost_gain, mask)
@@ -188,14 +191,14 @@ def loss(trained: tuple[Any, Any, Any], nets: BoundNetworks, batch: Batch, confi
     policy, value, cost_value = trained
     acting, cost_critic = nets.with_params(policy=policy, value=value), nets.with_params(value=cost_value)
 
-    def one(step: Batch) -> tuple[Array, Array, Array]:
+    def evaluate(step: Batch) -> tuple[Array, Array, Array]:
         log_prob = jnp.asarray(acting.policy(step.obs, step.t).log_prob(step.action))
         return log_prob, acting.value(step.obs, step.t), cost_critic.value(step.obs, step.t)
 
-    log_prob, found, cost_found = jax.vmap(one)(batch)
+    log_prob, values, cost_values = jax.vmap(evaluate)(batch)
     surrogate = ppo.clipped_surrogate(log_prob, batch.log_prob, batch.advantage, config.clip_eps)
     policy_loss = -ppo.masked_mean(surrogate, batch.mask)
-    errors = (found - batch.target) ** 2 + (cost_found - batch.cost_target) ** 2
+    errors = (values - batch.target) ** 2 + (cost_values - batch.cost_target) ** 2
     value_loss = 0.5 * ppo.masked_mean(errors, batch.mask)
     kl = ppo.masked_mean(batch.log_prob - log_prob, batch.mask)
     return policy_loss + config.value_coef * value_loss, {"value_loss": value_loss, "approx_kl": kl}
@@ -204,7 +207,7 @@ def loss(trained: tuple[Any, Any, Any], nets: BoundNetworks, batch: Batch, confi
 def update(
     nets: BoundNetworks, state: LagrangianState, batch: Batch, key: PRNGKeyArray, config: LagrangianConfig
 ) -> tuple[LagrangianState, Metrics]:
-    """`num_epochs` passes over the steps in shuffled minibatches; the step's size falls linearly over the iterations."""
+    """Run `num_epochs` passes over the steps in shuffled minibatches; the step size falls linearly over the iterations."""
     number = batch.mask.size
     num_minibatches = max(1, number // config.ppo.minibatch_size)
     optimiser = make_optimiser(config.ppo)
@@ -228,4 +231,4 @@ def update(
     (trained, opt), metrics = jax.lax.scan(epoch, start, keys)
     policy, value, cost_value = trained
     state = state._replace(policy=policy, value=value, cost_value=cost_value, opt=opt)
-    return state, {name: found[-1].mean() for name, found in metrics.items()}
+    return state, {name: by_epoch[-1].mean() for name, by_epoch in metrics.items()}

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation of whole trajectories (Algorithm 1, line 7)."""
+"""Update the policy by proximal policy optimisation on whole trajectories (Algorithm 1, line 7)."""
 
 from typing import Any, NamedTuple, cast
 
@@ -45,21 +45,21 @@ def clipped_surrogate(
 
 
 def make_optimiser(config: PPOConfig) -> optax.GradientTransformation:
-    """Adam on (policy, value); each one's gradient is clipped by its own norm, so that no critic mutes the policy."""
+    """Make Adam on (policy, value); each gradient is clipped by its own norm, so that the critic cannot mute the policy."""
     clip = optax.clip_by_global_norm(config.max_grad_norm)
     clip_each = optax.partition({"policy": clip, "value": clip}, ("policy", "value"))
     return optax.chain(clip_each, optax.adam(config.learning_rate, eps=1e-5))
 
 
 def epoch_order(key: PRNGKeyArray, number: int, horizon: int, minibatch_size: int) -> Int[Array, "M B"]:
-    """Indices of one pass over `number` trajectories: M minibatches of B whole ones, about `minibatch_size` transitions."""
+    """Shuffle one pass over `number` trajectories: M minibatches of B whole ones, about `minibatch_size` transitions."""
     num_minibatches = min(number, max(1, number * horizon // minibatch_size))
     size = number // num_minibatches
     return jax.random.permutation(key, number)[: num_minibatches * size].reshape(num_minibatches, size)
 
 
 class Batch(NamedTuple):
-    """What a PPO epoch runs over: trajectories with their normalised advantages and value targets."""
+    """Trajectories with their normalised advantages and value targets, over which a PPO epoch runs."""
 
     trajectory: Trajectory
     advantage: Float[Array, "N T"]
@@ -93,9 +93,9 @@ def update(
     key: PRNGKeyArray,
     config: PPOConfig,
 ) -> tuple[Params, Any, Metrics]:
-    """Line 7: `num_epochs` passes over D_P in minibatches of whole trajectories.
+    """Run `num_epochs` passes over D_P in minibatches of whole trajectories (line 7).
 
-    `reward` drives the critic and the advantage; `bonus` is added to every step's advantage of its trajectory, before
+    `reward` drives the critic and the advantage. `bonus` is added to the advantage of every step of its trajectory, before
     the advantages are normalised over the batch.
     """
     advantage = jax.vmap(gae, (0, 0, 0, 0, None, None))(

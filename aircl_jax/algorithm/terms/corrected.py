@@ -1,4 +1,4 @@
-"""The loss terms of the corrected formulation: density-ratio tests of steps and of trajectories."""
+"""Define the loss terms of the corrected formulation: density-ratio tests of steps and of trajectories."""
 
 import jax
 from jaxtyping import Array, Float
@@ -13,7 +13,7 @@ def step_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, 
     """Corrected, per step: E_E mean_t softplus(−z) + E_{P ∪ replay} mean_t softplus(z), so that z = log p_E/p_P."""
     expert = mean_over_steps(jax.nn.softplus(-scores.expert.step_logit), scores.expert.mask).mean()
     policy, replay = (
-        mean_over_steps(jax.nn.softplus(one.step_logit), one.mask).mean() for one in (scores.policy, scores.replay)
+        mean_over_steps(jax.nn.softplus(batch.step_logit), batch.mask).mean() for batch in (scores.policy, scores.replay)
     )
     return expert + 0.5 * (policy + replay)
 
@@ -23,10 +23,10 @@ def sequence_ratio(method: Method, config: TrainConfig, coefficients: Coefficien
 
     (E_E softplus(−z) + m E_S softplus(−z)) / (1 + m) + E_{P ∪ replay} softplus(z) + η E_{E ∪ S ∪ P ∪ replay} z².
 
-    The ridge η bounds what a few demonstrations can say: without it z learns the fifty of a robot by heart.
+    The ridge η keeps z from overfitting few demonstrations; without it z memorises a robot's fifty.
     """
     m = coefficients.sampled_coef
-    expert, sampled = (jax.nn.softplus(-one.sequence_logit).mean() for one in (scores.expert, scores.sampled))
-    policy, replay = (jax.nn.softplus(one.sequence_logit).mean() for one in (scores.policy, scores.replay))
-    ridge = sum((one.sequence_logit**2).mean() for one in scores) / len(scores)
+    expert, sampled = (jax.nn.softplus(-batch.sequence_logit).mean() for batch in (scores.expert, scores.sampled))
+    policy, replay = (jax.nn.softplus(batch.sequence_logit).mean() for batch in (scores.policy, scores.replay))
+    ridge = sum((batch.sequence_logit**2).mean() for batch in scores) / len(scores)
     return (expert + m * sampled) / (1.0 + m) + 0.5 * (policy + replay) + coefficients.sequence_ridge * ridge

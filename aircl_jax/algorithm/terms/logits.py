@@ -1,4 +1,4 @@
-"""What the discriminator says of trajectories or steps: the logits that the loss terms are made of."""
+"""Compute the discriminator's logits of trajectories or steps, from which the loss terms are built."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -28,17 +28,17 @@ def trajectory_logit(scores: Scores, reduction: str) -> Float[Array, " N"]:
 
 
 def of_trajectories(config: TrainConfig, scores: Scores) -> Float[Array, "N 1"]:
-    """One logit a trajectory: that of f(τ) − log π(τ)."""
+    """Return one logit per trajectory, f(τ) − log π(τ)."""
     return trajectory_logit(scores, config.adversary.trajectory_logit)[:, None]
 
 
 def of_steps(config: TrainConfig, scores: Scores) -> Float[Array, "N T"]:
-    """A logit a step: f − log π."""
+    """Return one logit per step, f − log π."""
     return scores.f - scores.log_pi
 
 
 def of_feasibility(config: TrainConfig, scores: Scores) -> Float[Array, "N T"]:
-    """A logit a step: that of the feasibility itself, which is GACL's discriminator."""
+    """Return one logit per step, the feasibility's own, which is GACL's discriminator."""
     return scores.step_logit
 
 
@@ -50,7 +50,7 @@ LOGITS: dict[str, Callable[[TrainConfig, Scores], Array]] = {
 
 
 def discriminator_logits(method: Method, config: TrainConfig, expert: Scores, sampled: Scores) -> tuple[Array, Array]:
-    """Logits [N, K] of "expert is high" for both sets; K is 1 for a discriminator of trajectories, T for one of steps."""
+    """Compute both sets' logits [N, K], high for the expert; K is 1 for a discriminator of trajectories, T for one of steps."""
     if method.centred:
         return centred_logits(config, expert, sampled)
     logit = LOGITS[method.discriminator_of]
@@ -59,7 +59,7 @@ def discriminator_logits(method: Method, config: TrainConfig, expert: Scores, sa
 
 def centred_logits(config: TrainConfig, expert: Scores, sampled: Scores) -> tuple[Float[Array, "N T"], Float[Array, "M T"]]:
     """h − b of each step, with h = f − β log π and b = ½ (mean_E h + mean_S h); no gradient through b."""
-    expert_logit, sampled_logit = (one.f - config.temperature * one.log_pi for one in (expert, sampled))
+    expert_logit, sampled_logit = (batch.f - config.temperature * batch.log_pi for batch in (expert, sampled))
     expert_mean = mean_over_steps(expert_logit, expert.mask).mean()
     sampled_mean = mean_over_steps(sampled_logit, sampled.mask).mean()
     centre = jax.lax.stop_gradient(0.5 * (expert_mean + sampled_mean))
@@ -67,5 +67,5 @@ def centred_logits(config: TrainConfig, expert: Scores, sampled: Scores) -> tupl
 
 
 def per_trajectory(logit: Float[Array, "N K"], mask: Float[Array, "N T"]) -> Float[Array, " N"]:
-    """One number a trajectory, of logits or losses: the mean over its steps. D(τ) > ½ where that of the logits is positive."""
+    """Average logits or losses over each trajectory's steps. D(τ) > ½ where the average of the logits is positive."""
     return logit[:, 0] if logit.shape[-1] == 1 else mean_over_steps(logit, mask)

@@ -1,4 +1,4 @@
-"""The paper's loss terms as printed: Eq. 8, 12, 13 and Section 6's minimal constraint."""
+"""Define the paper's loss terms as printed: Eq. 8, 12, 13 and Section 6's minimal constraint."""
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ def discriminator(method: Method, config: TrainConfig, coefficients: Coefficient
 def feasibility_gradient(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
     """Eq. 12: −E_S[c(τ) δ̄] + E_P[δ̄] (Eq. 10 at λ = 1, without its constant α), c = π / (1 + exp(f)/π) constant and clipped.
 
-    In log space log c = log π + log σ(log π − f). As printed; docs/equations.md says why it collapses.
+    In log space log c = log π + log σ(log π − f). The term is as printed; docs/equations.md explains why it collapses.
     """
     logit = trajectory_logit(scores.sampled, config.adversary.trajectory_logit)
     log_pi = (scores.sampled.log_pi * scores.sampled.mask).sum(axis=-1)
@@ -35,11 +35,12 @@ def feasibility_gradient(method: Method, config: TrainConfig, coefficients: Coef
 
 
 def contrast(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
-    """Eq. 13: −φ · E_{E ∪ S}[(f(τ) − δ̄(τ))²], since the paper maximises it: it drives f and δ̄ apart."""
+    """Eq. 13: −φ · E_{E ∪ S}[(f(τ) − δ̄(τ))²]. The paper maximises the expectation, which drives f and δ̄ apart."""
 
-    def squares(one: Scores) -> Float[Array, " N"]:
-        f = (one.f * one.mask).sum(-1) if config.adversary.contrast_reward == "sum" else mean_over_steps(one.f, one.mask)
-        return (f - jnp.exp(log_feasibility(method, coefficients, one))) ** 2
+    def squares(batch: Scores) -> Float[Array, " N"]:
+        summed = config.adversary.contrast_reward == "sum"
+        f = (batch.f * batch.mask).sum(-1) if summed else mean_over_steps(batch.f, batch.mask)
+        return (f - jnp.exp(log_feasibility(method, coefficients, batch))) ** 2
 
     both = jnp.concatenate([squares(scores.expert), squares(scores.sampled)])
     return -coefficients.contrast_coef * both.mean()

@@ -1,4 +1,4 @@
-"""The table of loss terms, one function per equation; a method's row names those that are summed."""
+"""List the loss terms, one function per equation; a method's row names those that are summed."""
 
 from collections.abc import Callable
 

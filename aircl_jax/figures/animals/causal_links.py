@@ -1,4 +1,4 @@
-"""Draw Figure 4: maps of causal links, of how far those of generated trajectories are off, and the means by seed."""
+"""Draw Figure 4: maps of causal links, of the differences |ΔV| of generated trajectories, and the means by seed."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,7 +17,7 @@ STRONGEST_SHOWN = 0.15  # |V| and |ΔV| at which the colours end; pairs of a cod
 
 
 def link_maps(own: Float[np.ndarray, "C C"], apart: Mapping[str, Float[np.ndarray, "C C"]]) -> Figure:
-    """Draw V of the recordings first, then |ΔV| of each method and yardstick on one scale, its mean above it."""
+    """Draw V of the recordings, then |ΔV| of each method and yardstick on one scale with its mean above."""
     rows = -(-(len(apart) + 1) // COLUMNS)
     figure = Figure(figsize=(7.2, 1.55 * rows + 0.5), layout="compressed")
     axes = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
@@ -84,8 +84,8 @@ def held_out(scores: Mapping[str, Sequence[float]]) -> Figure:
     axis = figure.subplots()
     height = np.arange(len(names))
     axis.plot(values, height, color=GREY, lw=0.5, alpha=0.6, zorder=1)
-    for row, one in enumerate(values):
-        _row(axis, row, one, ORANGE if names[row] == "Markov chain" else BLUE)
+    for row, folds in enumerate(values):
+        _row(axis, row, folds, ORANGE if names[row] == "Markov chain" else BLUE)
     axis.set_yticks(height, names)
     axis.set_ylim(len(names) - 0.5, -0.5)
     axis.set_xlabel("mean log-probability of the next code (nats; folds joined)")

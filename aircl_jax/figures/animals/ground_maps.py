@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 from aircl_jax.figures.animals.transitions import mark_simulated
 from aircl_jax.figures.style import LARGER
 
-REACH = 1.5  # cells: how far a place is drawn beyond the rows that name it
+REACH = 1.5  # cells by which a place is drawn beyond the rows that name it
 PLACE_COLOURS = (
     *("#4e79a7", "#bab0ac", "#b07aa1", "#59a14f", "#76b7b2"),
     *("#e15759", "#f28e2b", "#9c755f", "#edc948", "#d37295"),
@@ -30,7 +30,7 @@ class Rows(NamedTuple):
 
 
 class Arrows(NamedTuple):
-    """All cases of one transition, of one camera."""
+    """All cases of one transition at one camera."""
 
     title: str
     site: str
@@ -39,7 +39,7 @@ class Arrows(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """Select the located rows of each camera, and name the unit of the positions."""
+    """The located rows of each camera, and the unit of the positions."""
 
     cameras: dict[str, Rows]
     unit: str

@@ -23,7 +23,7 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def distance_histograms(panels: dict[str, tuple[Histogram, str]], unit: str, simulated: bool) -> Figure:
-    """Draw Figure 2(c): a column for each way of counting, with a note on it; histogram above, cumulative share below."""
+    """Draw Figure 2(c): a column with a note for each way of counting; histogram above, cumulative share below."""
     with mpl.rc_context(LARGER):
         figure = Figure(figsize=(4.2 * len(panels), 4.6), layout="constrained")
         axes = figure.subplots(2, len(panels), sharex=True, sharey="row", squeeze=False, height_ratios=(3, 2))
@@ -109,5 +109,6 @@ def code_table(names: Sequence[str], rows: Int[np.ndarray, " C"], simulated: boo
 
 
 def mark_simulated(figure: Figure, simulated: bool) -> None:
+    """Write SIMULATED in the corner of a figure of simulated animals."""
     if simulated:
         figure.text(0.995, 0.995, "SIMULATED", ha="right", va="top", color="crimson", fontsize=9, weight="bold")

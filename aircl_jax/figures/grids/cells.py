@@ -22,12 +22,12 @@ from envs import Grid, Tabular
 UNSEEN = 1e-3  # occupancy of expert and of π below which f and δ of a cell are not compared
 DIVERGING = "PuOr_r"
 WALL = "#4d4d4d"
-EMPTY = {"+0.0", "−0.0", "0.0"}  # numbers that are left out of a cell
+EMPTY = {"+0.0", "−0.0", "0.0"}  # numbers that are not written into a cell
 LARGEST_WRITTEN = 8  # numbers are written into the cells of grids up to this size
 
 
 class Map(NamedTuple):
-    """One number a cell, and how it is shown; `doubtful` marks cells without data for their number."""
+    """One number per cell, and how it is shown; `doubtful` marks cells without data for their number."""
 
     title: str
     values: Float[np.ndarray, " C"]
@@ -38,12 +38,13 @@ class Map(NamedTuple):
     doubtful: Bool[np.ndarray, "..."] = np.zeros((), bool)
 
 
-def draw(result: Result, layout: Grid, table: Tabular, found: Evidence) -> Iterator[Drawing]:
+def draw(result: Result, layout: Grid, table: Tabular, evidence: Evidence) -> Iterator[Drawing]:
+    """Draw the maps of reward, constraint and occupancy that the method has."""
     maps = episodes.gather_grid(result, table)
     if result.spec.method.learns_reward:
         yield reward_maps(result, layout, table, maps)
     if result.spec.method.learns_feasibility:
-        yield feasibility_maps(result, layout, table, maps, found)
+        yield feasibility_maps(result, layout, table, maps, evidence)
     yield occupancy_maps(result, layout, maps)
 
 
@@ -64,16 +65,19 @@ def reward_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvidence
     correlation = np.corrcoef(panels[0][1][visited].ravel(), panels[1][1][visited].ravel())[0, 1]
     caption = (
         f"True reward beside the learned one, {over_seeds(result)}, the mean over seeds; each cell's four triangles are "
-        "its moves up, right, down and left. f is identified up to a constant and potential shaping: both maps are "
-        "centred, the shaping stays. Hatched: cells that neither the expert nor the policy visits. "
+        "its moves up, right, down and left. f is identified up to a constant and potential shaping; centring both maps "
+        "removes the constant alone. Hatched: cells that neither the expert nor the policy visits. "
         f"Correlation of the two maps over all moves from the others: {correlation:.2f}; of f and the true reward over the "
         f"feasible steps that a seed's own policy takes (reward_correlation): {final(result, 'reward_correlation')}."
     )
     return Drawing("reward", figure, caption)
 
 
-def feasibility_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvidence, found: Evidence) -> Drawing:
-    """Draw δ₁ of each cell beside the true constraint; where either has no value by cell, both of the paths through it."""
+def feasibility_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvidence, evidence: Evidence) -> Drawing:
+    """Draw δ₁ of each cell beside the true constraint.
+
+    Where δ₁ or the constraint has no value by cell, average both over the reference trajectories through the cell.
+    """
     doubtful = np.zeros(layout.size**2, bool)
     if result.spec.method.tests_steps and len(table.cost) == layout.size**2:
         allowed, words = 1.0 - np.asarray(table.cost), "δ₁ of each cell"
@@ -81,13 +85,13 @@ def feasibility_maps(result: Result, layout: Grid, table: Tabular, maps: GridEvi
         true = Map("true constraint", allowed, "1: allowed, 0: forbidden", "{:.0f}")
         learned = Map(r"learned $\delta_1(c)$", maps.step_delta.mean(axis=(0, 2)), r"$\delta_1$", doubtful=doubtful)
     else:
-        words = "of the reference set's trajectories through each cell the share that is feasible, and their mean δ̄"
-        clean, delta = ~episodes.infeasible(result.reference), found.delta_reference.mean(axis=0)
+        words = "by the reference set's trajectories through each cell: their feasible share and their mean δ̄"
+        clean, delta = ~episodes.infeasible(result.reference), evidence.delta_reference.mean(axis=0)
         true = Map("true constraint", _mean_through(clean, result.reference), "feasible share through $c$")
         learned = Map(r"learned", _mean_through(delta, result.reference), r"mean $\bar\delta(\tau)$ through $c$")
     figure = Figure(figsize=(5.4, 2.3), layout="compressed")
-    for axis, one in zip(figure.subplots(1, 2), (true, learned), strict=True):
-        _cell_map(axis, layout, one)
+    for axis, panel in zip(figure.subplots(1, 2), (true, learned), strict=True):
+        _cell_map(axis, layout, panel)
     beside = " In brackets: allowed cells where neither the expert nor the policy goes." if doubtful.any() else ""
     caption = (
         f"The true constraint beside what was learned, {words}: {over_seeds(result)}, the mean over seeds.{beside} "
@@ -107,8 +111,8 @@ def occupancy_maps(result: Result, layout: Grid, maps: GridEvidence) -> Drawing:
         Map("policy − expert", policy - expert, unit, "{:+.1f}", TwoSlopeNorm(0, -bound, bound), DIVERGING),
     )
     figure = Figure(figsize=(7.2, 2.1), layout="compressed")
-    for axis, one in zip(figure.subplots(1, 3), panels, strict=True):
-        _cell_map(axis, layout, one)
+    for axis, panel in zip(figure.subplots(1, 3), panels, strict=True):
+        _cell_map(axis, layout, panel)
     exact = "the demonstrations'" if result.spec.own is not None else "the exact expert's"
     distance = 0.5 * np.abs(maps.occupancy - maps.expert_occupancy).sum(axis=1)
     caption = (
@@ -120,7 +124,7 @@ def occupancy_maps(result: Result, layout: Grid, maps: GridEvidence) -> Drawing:
 
 
 def draw_layout(axis: Axes, layout: Grid, filled: bool = False) -> None:
-    """Mark start, goal or sites, what is disliked (dotted), walls (dark) and the zones of the constraint on a map."""
+    """Mark start, goal or sites, disliked cells (dotted), walls (dark) and the zones of the constraint on a map."""
     for name, cells in layout.zones.items():
         for row, column in cells:
             corner = (column - 0.5, row - 0.5)
@@ -150,25 +154,25 @@ def _corner(axis: Axes, row: int, column: int, name: str) -> None:
     axis.text(column - 0.28, row - 0.27, name, ha="center", va="center", fontsize=5.5, bbox=patch, zorder=6)
 
 
-def _cell_map(axis: Axes, layout: Grid, one: Map) -> None:
+def _cell_map(axis: Axes, layout: Grid, panel: Map) -> None:
     """Draw each cell's colour, and its number where there is room; doubtful ones in brackets."""
     shape = (layout.size, layout.size)
-    colours = mpl.colormaps[one.colours].with_extremes(bad="white")
-    image = axis.imshow(one.values.reshape(shape), cmap=colours, norm=one.norm)
+    colours = mpl.colormaps[panel.colours].with_extremes(bad="white")
+    image = axis.imshow(panel.values.reshape(shape), cmap=colours, norm=panel.norm)
     if layout.size <= LARGEST_WRITTEN:
-        doubtful = np.broadcast_to(one.doubtful, layout.size**2).reshape(shape)
-        for (row, column), value in np.ndenumerate(one.values.reshape(shape)):
-            text = one.form.format(value).replace("-", "−")
+        doubtful = np.broadcast_to(panel.doubtful, layout.size**2).reshape(shape)
+        for (row, column), value in np.ndenumerate(panel.values.reshape(shape)):
+            text = panel.form.format(value).replace("-", "−")
             if np.isfinite(value) and text not in EMPTY:
-                text, ink = f"({text})" if doubtful[row, column] else text, _ink(colours(one.norm(value)))
+                text, ink = f"({text})" if doubtful[row, column] else text, _ink(colours(panel.norm(value)))
                 axis.text(column, row + 0.08, text, ha="center", va="center", fontsize=5.5, color=ink)
     draw_layout(axis, layout)
-    axis.set_title(one.title)
-    _scale(axis, image, one.label)
+    axis.set_title(panel.title)
+    _scale(axis, image, panel.label)
 
 
 def _ink(colour: Sequence[float]) -> str:
-    """Choose white or black to write on a colour: its luma is below or above one half."""
+    """Choose the ink on a colour: white where its luma is below one half, else black."""
     return "white" if np.dot(colour[:3], (0.30, 0.59, 0.11)) < 0.5 else BLACK
 
 

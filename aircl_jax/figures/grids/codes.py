@@ -1,4 +1,4 @@
-"""Draw a world of codes: what was recovered by pair of codes, and the activities ranked by their reward."""
+"""Draw a world of codes: recovered reward and feasibility by pair of codes, and the activities ranked by reward."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -63,24 +63,24 @@ def reward_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
         "reward_by_change",
         figure,
         f"Recovered reward of every change that the recordings hold (grey: none), mean over seeds, {title}; "
-        f"the colours are those of changes, going on with an activity lies beyond.{_agreement(ranked)}",
+        f"the colours span the changes, and continuing an activity lies beyond them.{_agreement(ranked)}",
     )
 
 
 def feasibility_map(recovered: Recovered, codes: Codes, title: str) -> Drawing:
-    """Draw δ₁ of every pair. Hatched: ruled out by cameras or coding. Boxed: avoided though chance would show it."""
+    """Draw δ₁ of every pair: hatched where cameras or coding rule it out, boxed where avoided though chance would show it."""
     style = {"cmap": mpl.colormaps["viridis"], "vmin": 0.0, "vmax": 1.0}
     figure, axis = code_map(recovered.delta.mean(axis=0), codes.names, "feasibility", style)
     _hatch(axis, codes.impossible)
     for source, target in avoided(recovered, codes):
         axis.add_patch(Rectangle((target - 0.5, source - 0.5), 1, 1, fill=False, ec=ORANGE, lw=1))
-    judged = expected(recovered.seen, codes.impossible) >= LEAST_SEEN
+    testable = expected(recovered.seen, codes.impossible) >= LEAST_SEEN
     return Drawing(
         "feasibility_by_change",
         figure,
         f"Recovered feasibility of every change, mean over seeds, {title}. Hatched: impossible for the cameras or the coding. "
         f"Boxed: infeasible although chance would have shown it {LEAST_SEEN} times or more."
-        f"{_agreement(recovered.delta[:, judged])}",
+        f"{_agreement(recovered.delta[:, testable])}",
     )
 
 
@@ -108,7 +108,7 @@ def _hatch(axis: Axes, where: Bool[np.ndarray, "C C"]) -> None:
 
 
 def _agreement(values: Float[np.ndarray, "S K"]) -> str:
-    found = rank_agreement(values)
-    if not len(found) or not np.isfinite(found).all():
+    ranks = rank_agreement(values)
+    if not len(ranks) or not np.isfinite(ranks).all():
         return ""
-    return f" Rank correlation between seeds {found.mean():.2f} (least {found.min():.2f})."
+    return f" Rank correlation between seeds {ranks.mean():.2f} (least {ranks.min():.2f})."

@@ -14,11 +14,11 @@ from aircl_jax.analysis.recovered import Recovered, rank_agreement
 from aircl_jax.figures.style import BLACK, GREY, Drawing
 from envs import Maze
 
-LABEL_AT = {"home": (6, -6.2)}  # points from its node to a label: between the corridor and the leaves below it
+LABEL_AT = {"home": (6, -6.2)}  # offset of a label from its node in points: between the corridor and the leaves below it
 
 
 def draw(recovered: Recovered, maze: Maze, title: str) -> Iterator[Drawing]:
-    """Draw the maze coloured by reward, by visits and, where steps are judged, by feasibility."""
+    """Draw the maze coloured by reward, by visits and, where the method learns it, by feasibility."""
     if np.isfinite(recovered.reward).all():
         yield maze_map(recovered, maze, title)
 

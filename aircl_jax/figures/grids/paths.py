@@ -19,18 +19,19 @@ from envs.grid_tables import marked, successors
 NUM_PATHS = 60
 
 
-def draw(result: Result, layout: Grid, found: Evidence) -> Iterator[Drawing]:
+def draw(result: Result, layout: Grid, evidence: Evidence) -> Iterator[Drawing]:
+    """Draw the paths, and δ̄ by the order of two zones where the grid has two."""
     if len(layout.zones) == 2 and result.spec.method.learns_feasibility:
-        yield order_of_zones(result, layout, found)
-    yield paths(result, layout, found)
+        yield order_of_zones(result, layout, evidence)
+    yield paths(result, layout, evidence)
 
 
-def paths(result: Result, layout: Grid, found: Evidence) -> Drawing:
-    """Draw trajectories of D_E, π and q of the first seed, those that violate last and in another colour."""
-    first = [first_seed(result.expert), first_seed(found.policy)]
+def paths(result: Result, layout: Grid, evidence: Evidence) -> Drawing:
+    """Draw the first seed's trajectories of D_E, π and q; violating ones come last and in another colour."""
+    first = [first_seed(result.expert), first_seed(evidence.policy)]
     titles = ["demonstrations $D_E$", r"policy $\pi$"]
     if result.spec.method.draws:
-        first.append(first_seed(found.sampled))
+        first.append(first_seed(evidence.sampled))
         titles.append("samples of $q$")
     figure = Figure(figsize=(2.3 * len(first) + 0.2, 2.6), layout="compressed")
     shares = []
@@ -44,24 +45,31 @@ def paths(result: Result, layout: Grid, found: Evidence) -> Drawing:
         figure.axes[0].plot([], [], color=colour, label=label)
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     caption = (
-        f"{min(NUM_PATHS, *(len(one.mask) for one in first))} trajectories each, {result.summary['method']} on "
-        f"{result.summary['env']}, seed {result.summary['seeds'][0]}, shifted within the cells to be told apart. "
+        f"{min(NUM_PATHS, *(len(trajectories.mask) for trajectories in first))} trajectories each, "
+        f"{result.summary['method']} on {result.summary['env']}, seed {result.summary['seeds'][0]}, shifted within the "
+        "cells to show each one. "
         f"Infeasible: {', '.join(shares)}.".replace(r"\pi", "π")
     )
     return Drawing("paths", figure, caption)
 
 
-def order_of_zones(result: Result, layout: Grid, found: Evidence) -> Drawing:
+def order_of_zones(result: Result, layout: Grid, evidence: Evidence) -> Drawing:
     """Draw the mean δ̄ of the reference set's trajectories by which of two zones they visit, and in which order."""
-    one, two = layout.zones
+    before, after = layout.zones
     classes = visits(_visited_cells(result.reference), layout)
-    names = [("neither", "neither"), ("first", f"{one} only"), ("second", f"{two} only"), ("back", f"{two}, then {one}")]
-    names = [(key, label) for key, label in [*names, ("order", f"{one}, then {two}")] if classes[key].any()]
+    names = [
+        ("neither", "neither"),
+        ("first", f"{before} only"),
+        ("second", f"{after} only"),
+        ("back", f"{after}, then {before}"),
+        ("order", f"{before}, then {after}"),
+    ]
+    names = [(key, label) for key, label in names if classes[key].any()]
     figure = Figure(figsize=(3.4, 2.3), layout="constrained")
     axis = figure.subplots()
     for place, (key, _) in enumerate(names):
         chosen, colour = classes[key], ORANGE if key == "order" else BLUE
-        means = found.delta_reference[:, chosen].mean(axis=1)
+        means = evidence.delta_reference[:, chosen].mean(axis=1)
         offset = np.linspace(-0.18, 0.18, len(means)) if len(means) > 1 else np.zeros(1)
         axis.bar(place, means.mean(), width=0.62, color=colour, alpha=0.35)
         axis.plot(place + offset, means, "o", color=colour, ms=2.5)
@@ -69,7 +77,7 @@ def order_of_zones(result: Result, layout: Grid, found: Evidence) -> Drawing:
     axis.set_xticks(range(len(names)), [f"{label}\n({classes[key].sum()})" for key, label in names])
     axis.set(ylim=(0, 1.12), ylabel=r"mean feasibility $\bar\delta(\tau)$", xlabel="zones visited (trajectories)")
     caption = (
-        f"Mean δ̄ of the reference set's trajectories by the zones that they visit; only {one}, then {two} is forbidden "
+        f"Mean δ̄ of the reference set's trajectories by the zones that they visit; only {before}, then {after} is forbidden "
         f"(orange). {over_seeds(result)}: bars are means, dots seeds."
     )
     return Drawing("order_of_zones", figure, caption)

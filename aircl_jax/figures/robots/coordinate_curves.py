@@ -1,4 +1,4 @@
-"""Draw what an additive δ₁ has learned, a curve for each coordinate."""
+"""Draw the learned constraint of an additive δ₁, one curve for each coordinate."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,21 +12,21 @@ COLUMNS = 5
 LEAST = -6.0  # lower end of every axis: a ratio of e^-6
 
 
-def by_coordinate(result: Result, found: Contributions) -> Drawing:
+def by_coordinate(result: Result, learned: Contributions) -> Drawing:
     """Draw all seeds' curves, their mean, D_E's histogram and the true limit. Use within `matplotlib.rc_context(STYLE)`."""
     env = result.spec.env
     lines = {name: lines_of_coordinate(env.limit, index) for index, name in enumerate(env.coordinate_names)}
     lines |= dict.fromkeys(env.motor_names, lines_of_motors(env.limit))
-    columns = min(COLUMNS, len(found.names))
-    rows = -(-len(found.names) // columns)
+    columns = min(COLUMNS, len(learned.names))
+    rows = -(-len(learned.names) // columns)
     figure = Figure(figsize=(7.2, 0.5 + 1.3 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
-    for axis in axes[len(found.names) :]:
+    for axis in axes[len(learned.names) :]:
         axis.remove()
-    top = max(1.5, float(found.curves.max()) + 0.3)
-    for index, name in enumerate(found.names):
-        axis, across, curves = axes[index], found.grid[:, index], found.curves[:, :, index]
-        density, edges = np.histogram(found.seen[:, index], bins=40, range=(across[0], across[-1] + 1e-9))
+    top = max(1.5, float(learned.curves.max()) + 0.3)
+    for index, name in enumerate(learned.names):
+        axis, across, curves = axes[index], learned.grid[:, index], learned.curves[:, :, index]
+        density, edges = np.histogram(learned.seen[:, index], bins=40, range=(across[0], across[-1] + 1e-9))
         heights = LEAST + 0.4 * (top - LEAST) * density / density.max()
         axis.fill_between(edges[:-1], LEAST, heights, step="post", color=GREY, alpha=0.3, lw=0)
         axis.plot(across, np.maximum(curves, LEAST).T, color=GREEN, lw=0.5, alpha=0.5)
@@ -35,11 +35,11 @@ def by_coordinate(result: Result, found: Contributions) -> Drawing:
             axis.axvline(value, color=ORANGE, ls=(0, (4, 2)), lw=1.0)
         axis.set(xlabel=name, ylim=(LEAST, top), xlim=(across[0], across[-1]))
     figure.supylabel("log ratio, expert : policy", fontsize=7)
-    drawn = any(lines[name] for name in found.names)
-    dashed = " The dashed lines are the true limit, which no part of the training has read." if drawn else ""
+    drawn = any(lines[name] for name in learned.names)
+    dashed = " The dashed lines are the true limit, which training does not read." if drawn else ""
     caption = (
-        "What each coordinate adds to the logarithm of the density ratio that δ₁ tests: 0 is what it adds on average in D_E, "
-        f"far below 0 is where demonstrations do not go and the policy does. {over_seeds(result)}: the mean (blue), every seed "
+        "Contribution of each coordinate to the log density ratio that δ₁ tests. 0 is its average in D_E; values far below 0 "
+        f"are where the policy goes and the demonstrations do not. {over_seeds(result)}: the mean (blue), every seed "
         f"(green), the histogram of D_E (grey).{dashed}"
     )
     return Drawing("constraint_by_coordinate", figure, caption)

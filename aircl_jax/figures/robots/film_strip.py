@@ -12,7 +12,7 @@ from aircl_jax.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, Drawing
 
 FRAMES = 12  # frames of each strip; no gait's period is near a 12th of the horizon, so the poses differ
 ROUND = 10  # corners of a capsule's end
-MILLIMETRES = 0.05  # m; positions of a body that stays within are written in millimetres
+MILLIMETRES = 0.05  # m; positions of a body that stays within this are written in millimetres
 NAMES = {"expert": ("demonstration", BLACK), "learned": (r"policy $\pi$", BLUE)}
 
 
@@ -40,7 +40,7 @@ def film_strip(scene: Scene, episode: int = 0) -> Drawing:
 
 
 def instants(length: int, frames: int = FRAMES) -> np.ndarray:
-    """Find the middles of equal spans."""
+    """Find the middle steps of `frames` equal spans."""
     return ((np.arange(frames) + 0.5) * length / frames).astype(int)
 
 
@@ -133,6 +133,7 @@ def _delta(axis: Axes, scene: Scene, side: Side, episode: int) -> None:
 
 
 def said(side: Side, episode: int) -> str:
+    """Describe an episode's violations and return."""
     rate, gained = side.violation_rate[episode], side.returns[episode]
     violates = f"violates in {100 * rate:.1f} % of its steps" if np.isfinite(rate) else "violations unknown"
     return violates + (f", return {gained:.1f}" if np.isfinite(gained) else "")

@@ -1,4 +1,4 @@
-"""Write a page that plays a scene: one HTML file without network or other scripts, numbers packed as integers."""
+"""Write a page that plays a scene: one HTML file that needs no network and no other script."""
 
 import base64
 import html
@@ -78,12 +78,12 @@ def _is_followed(sides: tuple[Side, Side]) -> bool:
 
 
 def _path(links: Float[np.ndarray, "E T G 2 2"]) -> float:
-    """Measure how far the body's middle moves along x at most."""
+    """Measure the longest way of the body's middle along x."""
     return float(np.ptp(links[..., 0].mean(axis=(-2, -1)), axis=1).max())
 
 
 def _width(links: Float[np.ndarray, "E T G 2 2"]) -> float:
-    """Measure how wide the body is at most."""
+    """Measure the body's largest width."""
     return float(np.ptp(links[..., 0], axis=(-2, -1)).max())
 
 

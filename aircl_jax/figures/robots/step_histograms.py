@@ -15,15 +15,16 @@ from aircl_jax.types import Trajectory
 from envs import Box, Limit
 
 BINS = 40
-WIDEST = 5.0  # standard deviations of D_E to either side of its mean that a histogram shows at most
-NARROWEST = 1e-3  # width of the histogram of a coordinate that stays constant
+WIDEST = 5.0  # largest half width of a histogram around the mean of D_E, in standard deviations of D_E
+NARROWEST = 1e-3  # width of the histogram of a constant coordinate
 COLUMNS = 4
 
 
-def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
+def draw(result: Result, evidence: Evidence) -> Iterator[Drawing]:
+    """Draw the histograms of continuous actions and of observations."""
     env = result.spec.env
     space = env.action_space
-    expert, policy = _steps(result.expert), _steps(found.policy)
+    expert, policy = _steps(result.expert), _steps(evidence.policy)
     if isinstance(space, Box):
         clipped = [np.clip(actions, space.low, space.high) for actions in (expert.action, policy.action)]
         lines = [lines_of_motors(env.limit)] * space.size
@@ -33,12 +34,12 @@ def draw(result: Result, found: Evidence) -> Iterator[Drawing]:
 
 
 def lines_of_coordinate(limit: Limit | None, index: int) -> tuple[float, ...]:
-    """Where the constraint's limit stands on the axis of a coordinate; empty where it bounds something else."""
+    """Return the constraint's limits on the axis of a coordinate; empty where it bounds something else."""
     return limit.lines if limit is not None and limit.bounds == index else ()
 
 
 def lines_of_motors(limit: Limit | None) -> tuple[float, ...]:
-    """Where the constraint's limit stands on the axis of every motor; empty where it bounds something else."""
+    """Return the constraint's limits on the axis of every motor; empty where it bounds something else."""
     return limit.lines if limit is not None and limit.bounds == "actions" else ()
 
 
@@ -49,8 +50,8 @@ class _Steps(NamedTuple):
 
 def _steps(trajectories: Trajectory) -> _Steps:
     """Flatten the unmasked steps of all seeds and trajectories into one axis."""
-    kept = np.asarray(trajectories.mask) > 0
-    return _Steps(np.asarray(trajectories.obs)[kept], np.asarray(trajectories.action)[kept])
+    unmasked = np.asarray(trajectories.mask) > 0
+    return _Steps(np.asarray(trajectories.obs)[unmasked], np.asarray(trajectories.action)[unmasked])
 
 
 def _drawing(
@@ -77,10 +78,10 @@ def _drawing(
         handles += axes[0].plot([], [], color=ORANGE, ls=(0, (4, 2)), lw=1.0, label="limit of the constraint")
     figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, handlelength=1.5, columnspacing=1.2)
     figure.supylabel("density (per unit)", fontsize=7)
-    said = "; beyond the dashed lines the constraint is violated" if any(lines) else ""
+    note = "; beyond the dashed lines the constraint is violated" if any(lines) else ""
     caption = (
         f"Histograms of the {what} of all timesteps, D_E beside fresh episodes of the policy: {over_seeds(result)} "
-        f"pooled{said}."
+        f"pooled{note}."
     )
     return Drawing(what, figure, caption)
 

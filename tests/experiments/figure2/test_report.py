@@ -158,7 +158,7 @@ def test_the_table_of_rises_has_a_row_for_each_bin_and_way_of_counting(numbers):
 def test_the_long_pairs_and_the_codes_are_tabled_by_name(numbers):
     text = long_pairs(study(), numbers._replace(long_pairs=[(0, 2)]))
     assert text.splitlines()[-1] == "| rest | run | 10 | 33 % | 1.5 |"
-    assert "distance beyond 2.5, which" in text
+    assert "distance beyond 2.5. 95 %" in text
     assert code_table(study()).splitlines()[2:] == ["| 0 | rest | 5 |", "| 1 | dig | 2 |", "| 2 | run | 1 |"]
 
 
