@@ -78,6 +78,12 @@ def test_exactly_the_forbidden_cells_are_listed_least_feasible_first_with_how_of
     assert start["done"] >= 5.0  # each of five demonstrations begins there
 
 
+def test_steps_after_an_episodes_end_are_not_counted(monkeypatch):
+    [goal] = known(monkeypatch, [(2, 2)], [(2, 2)])["never"]
+    every = np.asarray(ended().expert.obs)[..., 8].sum() / 2
+    assert 0.0 < goal["done"] == visits(2, 2) < every
+
+
 def test_cells_of_which_nothing_is_known_are_counted(monkeypatch):
     unseen = {(row, column) for row in range(3) for column in range(3) if visits(row, column) == 0}
     assert (1, 1) in unseen
