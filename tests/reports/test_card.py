@@ -1,6 +1,7 @@
 """The card of a run: its keys, what it lists as not done and how often that was shown, and its closing lines."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,12 +28,18 @@ def known(monkeypatch, *forbidden, method="aircl_corrected"):
 def of_tables(monkeypatch, delta, method="aircl_corrected"):
     evidence = GridEvidence(np.zeros_like(delta), delta, np.zeros(delta.shape[:2]), np.zeros(9))
     monkeypatch.setattr(cards, "gather_grid", lambda result, table: evidence)
-    return card_of(untrained(method))
+    return card_of(ended(method))
+
+
+def ended(method="aircl_corrected"):
+    """A run whose first seed's demonstrations end after two steps."""
+    result = untrained(method)
+    return replace(result, expert=result.expert._replace(mask=result.expert.mask.at[0, :, 2:].set(0.0)))
 
 
 def visits(row, column):
     """Demonstrated steps in a cell, of one seed on average, by loops."""
-    expert, number = untrained("aircl_corrected").expert, 0.0
+    expert, number = ended().expert, 0.0
     for seed in range(2):
         for obs, mask in zip(np.asarray(expert.obs[seed]), np.asarray(expert.mask[seed]), strict=True):
             number += sum(float(keep) for step, keep in zip(obs, mask, strict=True) if step.argmax() == 3 * row + column)
@@ -69,6 +76,12 @@ def test_exactly_the_forbidden_cells_are_listed_least_feasible_first_with_how_of
     assert middle["how"] == "δ₁ 0.20, below ½ in 100% of seeds"
     assert (middle["done"], start["done"]) == (visits(1, 1), visits(0, 0))
     assert start["done"] >= 5.0  # each of five demonstrations begins there
+
+
+def test_steps_after_an_episodes_end_are_not_counted(monkeypatch):
+    [goal] = known(monkeypatch, [(2, 2)], [(2, 2)])["never"]
+    every = np.asarray(ended().expert.obs)[..., 8].sum() / 2
+    assert 0.0 < goal["done"] == visits(2, 2) < every
 
 
 def test_cells_of_which_nothing_is_known_are_counted(monkeypatch):
