@@ -3,12 +3,14 @@
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, cast
 
 import jax
 import numpy as np
 import pytest
 
 from aircl_jax.transfer import objectives
+from aircl_jax.transfer.fresh import Fresh
 from envs import make_env
 from envs.options import GridOptions
 from experiments.swap import __main__ as command
@@ -179,7 +181,7 @@ def swapped_by(monkeypatch, tmp_path, row, test, iterations=0):
     def recombined(world, objective, seeds, config, constrained, practice):
         seen.update(world=world, seeds=list(seeds), config=config, constrained=constrained, practice=practice)
         history = {"return": np.arange(82.0).reshape(41, 2), "cost": np.zeros((41, 2))}
-        return SimpleNamespace(metrics={"return": [1.0, 2.0]}, fresh=SimpleNamespace(history=history))
+        return SimpleNamespace(metrics={"return": [1.0, 2.0]}, made=Fresh(cast(Any, None), cast(Any, None), history))
 
     monkeypatch.setattr(robot_cells, "recombine", recombined)
     monkeypatch.setattr(robot_cells, "_trained", lambda study, env, method: RESULT)
