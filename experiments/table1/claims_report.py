@@ -45,8 +45,8 @@ def markdown(study: Study) -> str:
     return md.paragraphs(*parts)
 
 
-def _summary(title: str, judged: Sequence[Judged]) -> str:
-    rows = [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in judged]
+def _summary(title: str, claims_with_evidence: Sequence[Judged]) -> str:
+    rows = [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in claims_with_evidence]
     return f"## {title}\n\n" + md.table(("claim", "where", "what we measured", "verdict"), rows)
 
 
