@@ -25,7 +25,7 @@ def markdown(study: Study) -> str:
     introduction = (
         f"`{study.command}`, at commit `{study.commit}`; computed from the cells of [table1.md](table1.md), nothing by hand. A "
         "claim holds, or does not hold, if more than half of its lines do; a line whose cells are missing cannot be told. "
-        f"With fewer than {FEWEST_SEEDS} seeds nothing can."
+        f"With fewer than {FEWEST_SEEDS} seeds no line can be told."
     )
     animals = "Figures 2 and 4 of the paper, on animals, are not in these cells: see `results/figure2` and `results/figure4`."
     parts = [
