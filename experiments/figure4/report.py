@@ -16,8 +16,8 @@ SHOWN = "aircl_corrected"  # method whose learned functions are described, and w
 YARDSTICKS = {"halves": "two halves", "noise_floor": "noise floor", "markov_chain": "Markov chain", "uniform": "uniform random"}
 PRIOR = (("aircl", "aircl_no_prior"), ("aircl_corrected_prior", "aircl_corrected"), ("icrl_prior", "icrl"))  # (with, without)
 MAPS = """\
-The links V of the recordings (left colours), then |ΔV| of each method (windows of q, mean over seeds) and yardstick on one
-scale, with its mean (chain and chance: of one draw, where the table has the mean of ten); codes as in the table of
+The links V of the recordings (left colour bar), then |ΔV| of each method (windows of q, mean over seeds) and yardstick on one
+scale, with its mean. Chain and chance are of one draw here, and the mean of ten in the table. Codes are those of the table of
 `experiments.figure2`."""
 TARGET = 1.25  # target of mean |ΔV|, in noise floors
 

@@ -17,10 +17,10 @@ from experiments.shared.paired_tests import spread
 MEASURED = ("reward_correlation", "feasibility_auroc", "feasibility_gap")
 RATES = ("violation_rate", "violation_rate_policy")
 NOTE = """\
-Changes are judged where chance would have shown them 5 times; `—` is undefined. *Counting* learns nothing: log of the share of
-a pair among those of its first code, in the demonstrations (its first column is over their steps), and cases of a change per
-case that chance would give. Where the world is code to code, f comes to be log π_E and a constant and z₁ the log of a ratio of
-frequencies, so that they say what counting says, less what a small network smooths away."""
+Changes are tested where chance would have shown them 5 times; `—` is undefined. *Counting* learns nothing. Its reward is the
+log share of a pair among those of its first code in the demonstrations; its first column is over their steps. Its feasibility
+is the number of cases of a change per case expected by chance. In a world from code to code, f tends to log π_E plus a constant
+and z₁ to the log of a ratio of frequencies, so that both repeat counting, smoothed by a small network."""
 
 
 def against_truth(study: Study, cells: Mapping[str, Mapping[str, Any]]) -> str:

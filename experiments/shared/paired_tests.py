@@ -25,9 +25,9 @@ class Effect(NamedTuple):
     p: float
 
 
-def effect(one: Sequence[float], other: Sequence[float]) -> Effect:
-    """Compute one − other, pair by pair; interval, size and p are NaN with fewer than two pairs."""
-    difference = np.array(one, float) - np.array(other, float)
+def effect(first: Sequence[float], second: Sequence[float]) -> Effect:
+    """Compute first − second, pair by pair; interval, size and p are NaN with fewer than two pairs."""
+    difference = np.array(first, float) - np.array(second, float)
     number, mean = len(difference), float(difference.mean())
     if number < 2:
         return Effect(mean, *[float("nan")] * 4)

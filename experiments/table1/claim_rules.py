@@ -103,7 +103,10 @@ class Bound(NamedTuple):
     most: bool  # True: the limit is an upper one
     reason: str = ""  # where the limit comes from
 
-    rule = "Holds: the bootstrap interval of the mean lies within. Does not hold: all of it lies beyond. Cannot be told: else."
+    rule = (
+        "Holds: the bootstrap interval of the mean lies within. Does not hold: all of it lies beyond. "
+        "Cannot be told: otherwise."
+    )
 
     def findings(self, study: Study) -> list[Finding]:
         return [self._finding(study, env, limit) for env, limit in self.limits.items()]
@@ -130,7 +133,7 @@ class Harder(NamedTuple):
     env: str
     than: str
 
-    rule = "Holds: the mean of every row of the paper is worse. Does not hold: of half or fewer. Cannot be told: else."
+    rule = "Holds: the mean of every row of the paper is worse. Does not hold: of half or fewer. Cannot be told: otherwise."
 
     def findings(self, study: Study) -> list[Finding]:
         here, there = (study.column(env, "violation_rate", METHODS_OF_THE_PAPER) for env in (self.env, self.than))

@@ -175,8 +175,8 @@ def at_the_optimum(study: Study) -> str:
     coins = [accuracy for accuracy, balanced, _ in ends if abs(balanced - 0.5) <= BALANCED]
     even = [accuracy for accuracy, _, logit in ends if logit <= EVEN]
     says = (
-        "At the optimum D = ½ for every sample: whether D > ½ then hangs on noise, and any constant in f moves RCAcc to 0 or "
-        "1. An RCAcc near 1 means that D still tells the expert from the policy, or that it calls everything expert."
+        "At the optimum D = ½ for every sample. Noise then decides whether D > ½, and any constant in f moves RCAcc to 0 or "
+        "1. An RCAcc near 1 means that D still tells the expert from the policy, or that D calls everything expert."
     )
     return (
         f"{says}\n\nOf {len(ends)} runs (cells × seeds), {len(coins)} ended with a balanced accuracy within {BALANCED:g} of "

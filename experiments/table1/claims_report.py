@@ -25,7 +25,7 @@ def markdown(study: Study) -> str:
     introduction = (
         f"`{study.command}`, at commit `{study.commit}`; computed from the cells of [table1.md](table1.md), nothing by hand. A "
         "claim holds, or does not hold, if more than half of its lines do; a line whose cells are missing cannot be told. "
-        f"With fewer than {FEWEST_SEEDS} seeds nothing can."
+        f"With fewer than {FEWEST_SEEDS} seeds no line can be told."
     )
     animals = "Figures 2 and 4 of the paper, on animals, are not in these cells: see `results/figure2` and `results/figure4`."
     parts = [
@@ -45,8 +45,8 @@ def markdown(study: Study) -> str:
     return md.paragraphs(*parts)
 
 
-def _summary(title: str, judged: Sequence[Judged]) -> str:
-    rows = [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in judged]
+def _summary(title: str, claims_with_evidence: Sequence[Judged]) -> str:
+    rows = [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in claims_with_evidence]
     return f"## {title}\n\n" + md.table(("claim", "where", "what we measured", "verdict"), rows)
 
 

@@ -46,7 +46,7 @@ def markdown(study: Study) -> str:
         *_heading(study),
         *_missing(study),
         *(_measure_table(study, measure) for measure in FIRST),
-        "# Beside it",
+        "# Further measures",
         *(_measure_table(study, measure) for measure in SECOND),
         _effort_table(study),
         *_profile(study),
@@ -107,14 +107,14 @@ def _heading(study: Study) -> list[str]:
     )
     numbers = (
         f"Ours: mean ± standard deviation over seeds, [{100 * CONFIDENCE:.0f} % bootstrap interval of the mean]; beside it "
-        "what the paper prints, mean ± standard deviation. Robots have a transition noise of 0.001 (`env.noise`). — is "
-        "undefined or missing. † is given the true reward."
+        "what the paper prints, mean ± standard deviation. Robots have a transition noise of 0.001 (`env.noise`). — marks an "
+        "undefined or missing value, † a method that is given the true reward."
     )
     fat = (
         "**Bold**: the best mean, and every row that a paired test does not show to be worse (Wilcoxon's signed-rank test "
-        f"over seeds against the best, Holm's correction over the column, p < {SIGNIFICANCE:g}). No bold where the seeds are "
-        "too few to show anything. RCAcc and balanced accuracy have none: where π has become the expert, D is ½ and both are "
-        "coins. A low violation rate says nothing of a policy that does not do the task: see the return."
+        f"over seeds against the best, Holm's correction over the column, p < {SIGNIFICANCE:g}). Nothing is bold where the "
+        "seeds are too few to show a difference. RCAcc and balanced accuracy are never bold: where π equals the expert, D is ½ "
+        "and both are chance. A low violation rate means little for a policy that does not do the task; see the return."
     )
     return [title, *([warning(study)] if smoke else []), made, numbers, fat]
 
