@@ -91,6 +91,8 @@ UNDERSTOOD = {
     "experiments.figure4": parsed_by("experiments.figure4"),
     "experiments.pendulum_lqr": parsed_by("experiments.pendulum_lqr"),
     "experiments.physics": parsed_by("experiments.physics"),
+    "experiments.swap": parsed_by("experiments.swap"),
+    "experiments.learner": parsed_by("experiments.learner"),
 }
 
 

@@ -1,13 +1,17 @@
 """Swaps on grids from Python: which reward and constraint the plan is of, and what is refused."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from aircl_jax import make_env, swap
 from aircl_jax.analysis import exact
+from aircl_jax.runs.spec import make_spec
 from aircl_jax.transfer import grid
 from aircl_jax.transfer.table_tests import Learned, true_reward
+from envs import Grid
 from envs.layouts import LAYOUTS
 from tests.finished_runs import untrained
 from tests.worlds import table_of
@@ -24,7 +28,18 @@ def planned(reward, barred):
 @pytest.fixture
 def run(monkeypatch):
     """A run whose first seed has learned the truth, and whose second has learned to go back and that nothing is forbidden."""
-    result = untrained("aircl_corrected")
+    spec = make_spec(
+        "gridworld",
+        "aircl_corrected",
+        contrast_prior="method",
+        seeds=2,
+        first_seed=0,
+        iterations=1,
+        demonstrations="default",
+        env_settings={},
+        config={},
+    )
+    result = replace(untrained("aircl_corrected"), spec=spec)
     nothing = np.zeros(len(WORLD.start), bool)
     seeds = [Learned(true_reward, WORLD.forbidden, np.empty(0)), Learned(lambda world: -world.reward, nothing, np.empty(0))]
     monkeypatch.setattr(grid, "learned_tables", lambda networks, states, table: None)
@@ -54,7 +69,7 @@ def test_no_constraint_is_judged_by_the_worlds_own(run):
 
 def test_a_layout_names_its_obstacles_which_are_the_truth_then(run):
     found = swap(run, constraint="second")
-    assert {tuple(cell) for cell in found.world.view.zones["obstacle"]} == set(LAYOUTS["second"].obstacles)
+    assert isinstance(found.world.view, Grid) and set(found.world.view.zones["obstacle"]) == set(LAYOUTS["second"].obstacles)
     assert found.metrics["infeasible_share"][0] < 0.1
 
 
@@ -68,7 +83,7 @@ def test_functions_of_cell_and_action_take_either_place(run):
 def test_what_does_not_fit_is_refused_in_one_line(run):
     with pytest.raises(ValueError, match="unknown constraint 'wall' of this grid; choose from default, second, third, none"):
         swap(run, constraint="wall")
-    with pytest.raises(ValueError, match="wrong env.reward 'fame'"):
+    with pytest.raises(ValueError, match=r"wrong env\.reward 'fame'"):
         swap(run, reward="fame")
     with pytest.raises(ValueError, match="have not the same states"):
         swap(run, env=make_env("gridworld", layout="wall"))
