@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from aircl_jax.figures.style import DPI, STYLE
-from experiments.swap.grid_cells import REWARDS, WORLDS
+from experiments.swap.grid_cells import REWARDS
 from experiments.swap.robot_tests import TESTS
-from experiments.swap.scores import Cells, Score, grid_score, robot_score, rows_of
+from experiments.swap.scores import Cells, Score, finished_worlds, grid_score, robot_score, rows_of
 
 GRID_TESTS = (
     ("S0", "self_return", "self_violation"),
@@ -40,13 +40,14 @@ def _panels(cells: Cells, order: Sequence[str]) -> dict[str, tuple[list[str], li
     panels = {}
     rows = rows_of(cells, "gridworld", order)
     if rows:
-        kinds = {reward: [world for world in WORLDS if world.endswith(f", {reward}")] for reward in REWARDS}
+        kinds = {reward: finished_worlds(cells, reward, rows) for reward in REWARDS}
+        kinds = {reward: worlds for reward, worlds in kinds.items() if worlds}
         tests = [f"{reward}\n{name}" for reward in kinds for name, _, _ in GRID_TESTS]
         scores = [
             [grid_score(cells, worlds, measure, row, beside) for worlds in kinds.values() for _, measure, beside in GRID_TESTS]
             for row in rows
         ]
-        panels["grids (four layouts)"] = (rows, tests, scores)
+        panels["grids"] = (rows, tests, scores)
     for env, of_env in TESTS.items():
         rows = [row for row in rows_of(cells, env, order) if row != "uniform"]
         if rows:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.shared.paired_tests import interval
+from experiments.swap.grid_cells import WORLDS
 from experiments.swap.robot_cells import ORACLE, UNIFORM
 
 Cells = Mapping[tuple[str, str, str], Mapping[str, Any]]  # by environment, world or test, and row
@@ -33,6 +34,12 @@ def rows_of(cells: Cells, env: str, order: Sequence[str]) -> list[str]:
     """List the rows that have a cell of this environment, in the order given."""
     present = {row for name, _, row in cells if name == env}
     return [row for row in order if row in present]
+
+
+def finished_worlds(cells: Cells, reward: str, rows: Sequence[str]) -> list[str]:
+    """List the grids of this reward on which every one of the rows has its cell."""
+    worlds = [world for world in WORLDS if world.endswith(f", {reward}")]
+    return [world for world in worlds if all(("gridworld", world, row) in cells for row in rows)]
 
 
 def robot_score(cells: Cells, env: str, test: str, row: str) -> Score | None:
