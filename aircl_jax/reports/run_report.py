@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax.reports import markdown
-from aircl_jax.reports.summary import MEANINGS
+from aircl_jax.reports.summary import MEANINGS, SWAP_MEANINGS
 from aircl_jax.runs.directory import FIGURES, REPORT
 from envs import ENVS
 
@@ -15,7 +15,7 @@ def table(summary: Mapping[str, Any]) -> str:
     rows = []
     for name, row in _defined(summary).items():
         spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
-        rows.append((name, _short(row["mean"]) + spread, MEANINGS.get(name, "")))
+        rows.append((name, _short(row["mean"]) + spread, (MEANINGS | SWAP_MEANINGS).get(name, "")))
     return markdown.table(("metric", "mean ± std", "what"), rows, aligned=True)
 
 

@@ -74,7 +74,7 @@ def _of_a_run(settings: Settings, command: str) -> None:
     """Print a grid run's measures; of a robot's, make the cells of its method, of the oracle and of the uniform policy."""
     from aircl_jax import load
     from aircl_jax.reports.markdown import table
-    from aircl_jax.reports.summary import MEANINGS, statistics
+    from aircl_jax.reports.summary import SWAP_MEANINGS, statistics
     from aircl_jax.transfer.grid import of_a_grid
     from experiments.swap import report, robot_cells
     from experiments.swap.robot_tests import TESTS
@@ -82,7 +82,7 @@ def _of_a_run(settings: Settings, command: str) -> None:
     result = load(settings.run_dir)
     env, method = result.spec.env.name, result.spec.method_name
     if measures := of_a_grid(result.spec, result.networks, result.states):
-        rows = [(name, *map(_short, statistics(values)["per_seed"]), MEANINGS[name]) for name, values in measures.items()]
+        rows = [(name, *map(_short, statistics(values)["per_seed"]), SWAP_MEANINGS[name]) for name, values in measures.items()]
         print(table(("measure", *(f"seed {seed}" for seed in result.summary["seeds"]), "what"), rows, aligned=True))
         return
     if env not in TESTS or result.spec.env.shipped_demonstrations is None:

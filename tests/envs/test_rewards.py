@@ -71,7 +71,7 @@ def test_a_world_pays_for_the_clipped_action() -> None:
     [
         ("swimmer", {"reward": "fly"}, "unknown reward 'fly' of swimmer; choose from task, backwards, stand, target"),
         ("pendulum", {"reward": "backwards"}, "unknown reward 'backwards' of pendulum; choose from task, stand, target"),
-        ("swimmer", {"target": float("nan")}, "wrong env.target nan; choose a number"),
+        ("swimmer", {"target": float("nan")}, "env.target=nan is not a number"),
         ("swimmer", {"action_cost": -0.1}, "wrong env.action_cost -0.1; choose a number that is not negative"),
     ],
 )

@@ -42,7 +42,7 @@ def refused(arguments: str, capsys) -> str:
         ("env=maze", "unknown env 'maze'; choose from gridworld"),
         ("env=5", "unknown env '5'; choose from gridworld"),
         ("method=gail", "unknown method 'gail'; choose from"),
-        ("env.slipp=0.1", "unknown setting env.slipp; choose from size, start"),
+        ("env.slipp=0.1", "unknown setting env.slipp; choose from layout, reward"),
         ("env=swimmer env.body.pole=2", "unknown setting env.body.pole; choose from mass, gear, length, viscosity, gears"),
         ("env=swimmer env.body.gears={knee:-1}", "unknown setting env.body.gears.knee; choose from front, rear"),
         ("env=swimmer env.body.mass=heavy", "env.body.mass=heavy is not a number"),
