@@ -23,7 +23,7 @@ from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
 from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
 from aircl_jax.settings.train_config import TrainConfig
-from aircl_jax.transfer.grid import of_a_grid
+from aircl_jax.transfer.grid import maps_of_a_grid, of_a_grid
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
 from envs.animals.data_folder import command_prefix
@@ -132,6 +132,7 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
             if command:
                 command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
             directory.write_report(run_report.report(summary, result.alarms, figures, command, words))
+            directory.write_maps(maps_of_a_grid(spec, networks, states, expert))
             directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))
             directory.write_summary(summary)
     return result

@@ -21,13 +21,13 @@ from aircl_jax.runs.metrics_log import METRICS, complete_lines, cut, read_metric
 from aircl_jax.runs.recorder import Row
 from aircl_jax.settings.env_defaults import unnamed_settings
 from aircl_jax.settings.renamed import RENAMED, old_name
-from aircl_jax.storage import write_whole
+from aircl_jax.storage import replacing, write_whole
 from envs.settings import flatten
 
 CONFIG, TIMING, STATE = "config.yaml", "timing.jsonl", "state"
 SUMMARY, REPORT, FIGURES = "summary.json", "report.md", "figures"
-CARD, CARD_WORDS = "card.json", "card.md"
-_OWN = (CONFIG, METRICS, TIMING, STATE, SUMMARY, REPORT, FIGURES, CARD, CARD_WORDS)
+CARD, CARD_WORDS, MAPS = "card.json", "card.md", "recovered.npz"
+_OWN = (CONFIG, METRICS, TIMING, STATE, SUMMARY, REPORT, FIGURES, CARD, CARD_WORDS, MAPS)
 _FREE = ("iterations", "demonstrations.source")  # settings that a resumed run may change: its length, and a file's name
 
 Settings = Mapping[str, Any]  # nested settings of a run, as config.yaml holds them
@@ -65,7 +65,7 @@ class RunDirectory:
         if self.start == 0:
             _clear(self.path)
         write_whole(self.path / CONFIG, yaml.safe_dump(dict(self.settings), sort_keys=False, allow_unicode=True))
-        for name in (SUMMARY, REPORT, CARD, CARD_WORDS):
+        for name in (SUMMARY, REPORT, CARD, CARD_WORDS, MAPS):
             (self.path / name).unlink(missing_ok=True)
         for iteration, checkpoint in _checkpoints(self.path).items():
             if iteration > self.start:
@@ -125,6 +125,12 @@ class RunDirectory:
 
     def write_report(self, report: str) -> None:
         write_whole(self.path / REPORT, report)
+
+    def write_maps(self, maps: Mapping[str, np.ndarray]) -> None:
+        """Write recovered.npz; no file where there is no map."""
+        if maps:
+            with replacing(self.path / MAPS) as beside, beside.open("wb") as file:
+                np.savez_compressed(file, allow_pickle=False, **maps)
 
     def write_card(self, as_json: str, in_words: str) -> None:
         write_whole(self.path / CARD, as_json)

@@ -16,7 +16,7 @@ from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.spec import RunSpec
 from aircl_jax.transfer.table_tests import FORBIDDEN_BELOW, Learned, measures
-from aircl_jax.types import TrainState
+from aircl_jax.types import TrainState, Trajectory
 from envs import Tabular
 from envs.layouts import LAYOUTS
 from envs.options import GridOptions
@@ -34,6 +34,28 @@ def of_a_grid(spec: RunSpec, networks: Networks, states: TrainState) -> dict[str
     except ValueError:  # a layout of one's own that leaves too few starts or walls
         return {}
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def maps_of_a_grid(
+    spec: RunSpec, networks: Networks, states: TrainState, expert: Trajectory
+) -> dict[str, Float[np.ndarray, "..."]]:
+    """Make the maps of every seed of a run on a named grid, for recovered.npz; empty elsewhere.
+
+    `reward` and `delta` [S, X, A] are what was learned, `entered` [S, X] how often D_E's actions aim at a cell from another,
+    and `true_tempted` [S, X] the M of `exact.true_temptation` at D_E's states: how often they would, were the cell ordinary
+    to the true expert. The last reads the truth; nothing that learns does.
+    """
+    if grid_options(spec) is None or spec.env.tabular is None:
+        return {}
+    world, tables = exact.world_of(spec.env.tabular), learned_tables(networks, states, spec.env.tabular)
+    cells, actions = np.asarray(expert.obs).argmax(axis=-1), np.asarray(expert.action)  # [S, N, T]
+    horizon, temperature = spec.env.horizon, spec.env.expert_temperature
+    aimed = world.intended[cells, actions]
+    entered = [np.bincount(to[to != at], minlength=len(world.start)) for to, at in zip(aimed, cells, strict=True)]
+    tempted = [exact.true_temptation(world, horizon, states, temperature) for states in cells]
+    learns = (spec.method.learns_reward, spec.method.tests_steps)
+    known = {name: of for name, of, is_learned in zip(("reward", "delta"), tables[:2], learns, strict=True) if is_learned}
+    return {**known, "entered": np.array(entered), "true_tempted": np.array(tempted)}
 
 
 def grid_options(spec: RunSpec) -> GridOptions | None:

@@ -11,7 +11,7 @@ Source = Literal["learned", "world"]
 class Test:
     """A recombination: fresh policies in a world of these settings, judged by its true reward and cost."""
 
-    name: str
+    name: str  # S0 and S1 are scored against each other: experiments.swap.scores
     about: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     reward: Source = "learned"

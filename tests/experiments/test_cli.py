@@ -17,7 +17,18 @@ TINY = [
     *("train.num_trajectories=4", "train.num_demonstrations=4", "train.num_evaluation=10", "train.pool_factor=1"),
     "train.hidden=[4]",
 ]
-OWN = {"config.yaml", "metrics.jsonl", "timing.jsonl", "state", "summary.json", "report.md", "card.json", "card.md", "figures"}
+OWN = {
+    "config.yaml",
+    "metrics.jsonl",
+    "timing.jsonl",
+    "state",
+    "summary.json",
+    "report.md",
+    "card.json",
+    "card.md",
+    "recovered.npz",
+    "figures",
+}
 
 
 @pytest.fixture(autouse=True)

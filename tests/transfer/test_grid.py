@@ -80,6 +80,20 @@ def test_functions_of_cell_and_action_take_either_place(run):
     assert found.policy(jnp.eye(36)[6], 1).probs[1] > 0.0
 
 
+def test_maps_count_what_the_demonstrations_enter_and_what_would_tempt_their_expert():
+    result = untrained("aircl_corrected")
+    maps = grid.maps_of_a_grid(result.spec, result.networks, result.states, result.expert)
+    world = exact.world_of(table_of(result.spec.env))
+    cells, actions = np.asarray(result.expert.obs).argmax(axis=-1), np.asarray(result.expert.action)
+    entered = np.zeros((2, 9))
+    for seed, episode, t in np.ndindex(cells.shape):
+        at, to = cells[seed, episode, t], world.intended[cells[seed, episode, t], actions[seed, episode, t]]
+        entered[seed, to] += at != to
+    np.testing.assert_array_equal(maps["entered"], entered)
+    assert maps["entered"][:, 4].sum() == 0 < maps["true_tempted"][0, 4]  # the obstacle in the middle of the 3×3 grid
+    assert maps["reward"].shape == maps["delta"].shape == (2, 9, 4)
+
+
 def test_what_does_not_fit_is_refused_in_one_line(run):
     with pytest.raises(ValueError, match="unknown constraint 'wall' of this grid; choose from default, second, third, none"):
         swap(run, constraint="wall")
