@@ -17,6 +17,7 @@ from envs import Box
 STEPS = 100  # demonstrated steps that are moved
 POINTS = 81  # values that each coordinate takes
 FORBIDDEN_BELOW = 0.5  # mean δ₁ under which a value is forbidden
+LAPSES = 0.01  # share of the demonstrated steps that may lie beyond a limit: what is done more often is not forbidden
 
 
 class Limits(NamedTuple):
@@ -41,7 +42,9 @@ class Limits(NamedTuple):
 def recovered_limits(result: Result) -> Limits | None:
     """Move one coordinate of demonstrated steps at a time; None where δ₁ is not of a robot's coordinates.
 
-    A limit is the first value, going out from the demonstrations' median, at which the mean of δ₁ falls below ½.
+    A limit is the first value, going out from the demonstrations' median, at which the mean of δ₁ falls below ½. It is NaN
+    where more than 1 % of the demonstrated steps lie beyond it: δ₁ then flags what is rare with the other coordinates as
+    they are, and bounds nothing.
     """
     nets, space = result.networks, result.spec.env.action_space
     if not nets.method.tests_steps or not isinstance(space, Box):
@@ -66,7 +69,16 @@ def recovered_limits(result: Result) -> Limits | None:
         if (nets.feasibility_sees_state if index < obs.shape[1] else nets.feasibility_sees_action)
     ]
     ends = np.array([[limits_of(grid[:, i], one[:, i], float(middle[i])) for i in shown] for one in delta])
-    return Limits(tuple(names[i] for i in shown), ends[..., 0], ends[..., 1], least[shown], greatest[shown])
+    lower, upper = (
+        np.where(beyond(seen[:, shown], ends[..., side], side) <= LAPSES, ends[..., side], np.nan) for side in (0, 1)
+    )
+    return Limits(tuple(names[i] for i in shown), lower, upper, least[shown], greatest[shown])
+
+
+def beyond(seen: Float[np.ndarray, "N I"], limits: Float[np.ndarray, "S I"], side: int) -> Float[np.ndarray, "S I"]:
+    """Compute the share of demonstrated steps below the limits (side 0) or above them (side 1); 0 where there is none."""
+    outside = [(seen < limit if side == 0 else seen > limit).mean(axis=0) for limit in limits]
+    return np.array(outside)
 
 
 def mean_delta(nets: Networks, state: TrainState, grid: Float[Array, "K I"], steps: Float[Array, "M I"]) -> Float[Array, "K I"]:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from aircl_jax.analysis import recovered_limits as limits
-from aircl_jax.analysis.recovered_limits import Limits, limits_of, mean_delta, recovered_limits
+from aircl_jax.analysis.recovered_limits import Limits, beyond, limits_of, mean_delta, recovered_limits
 from aircl_jax.types import Trajectory
 from tests.finished_runs import untrained, untrained_robot
 from tests.worlds import UNOPTIMISED
@@ -61,6 +61,7 @@ def test_every_seed_has_its_own_limits_and_coordinates_go_as_far_again_as_the_fi
         return jnp.where(grid > 1.0 + state.step, 0.0, 1.0)
 
     monkeypatch.setattr(limits, "mean_delta", walls)
+    monkeypatch.setattr(limits, "LAPSES", 1.0)
     result = untrained_robot("aircl_corrected")
     found = recovered_limits(replace(result, states=result.states._replace(step=jnp.arange(2.0))))
     assert found is not None
@@ -83,7 +84,11 @@ def test_coordinates_that_the_constraint_does_not_see_have_none(monkeypatch):
     monkeypatch.setattr(limits, "mean_delta", lambda nets, state, grid, steps: jnp.where(grid > 0.5, 0.0, 1.0))
     result = untrained_robot("aircl_corrected")
     config = replace(result.networks.config, constraint_input="action")
-    found = recovered_limits(replace(result, networks=replace(result.networks, config=config)))
+    run = replace(result, networks=replace(result.networks, config=config))
+    often = recovered_limits(run)
+    assert often is not None and np.isnan(often.upper).all()  # these demonstrations go beyond 0.5 in more than 1 % of steps
+    monkeypatch.setattr(limits, "LAPSES", 1.0)
+    found = recovered_limits(run)
     assert found is not None
     assert (found.names, found.upper.shape) == (("motor front", "motor rear"), (2, 2))
     np.testing.assert_allclose(found.upper, 0.5, atol=2 / 80)
@@ -103,3 +108,10 @@ def test_metrics_are_named_by_coordinate_and_side():
         "recovered_limit/y/upper": [6.0, 8.0],
         "recovered_limit/y/lower": [2.0, 4.0],
     }
+
+
+def test_what_is_often_done_lies_beyond_no_limit():
+    seen = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0], [3.0, 4.0]])
+    limits = np.array([[1.5, 9.0], [np.nan, 0.5]])
+    np.testing.assert_array_equal(beyond(seen, limits, 0), [[0.5, 1.0], [0.0, 0.0]])
+    np.testing.assert_array_equal(beyond(seen, limits, 1), [[0.5, 0.0], [0.0, 1.0]])
