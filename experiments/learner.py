@@ -25,7 +25,7 @@ from aircl_jax.analysis.gait import gait_of
 from aircl_jax.reports import markdown
 from aircl_jax.settings.learner_config import learner_config
 from aircl_jax.transfer.fresh import Fresh, episodes
-from aircl_jax.transfer.objectives import Part, no_cost, objective, world_cost
+from aircl_jax.transfer.objectives import Part, objective, world_cost
 from aircl_jax.transfer.swap import EPISODE_SEED, recombine
 from aircl_jax.types import Trajectory
 from experiments.cli.command import run_command
@@ -97,8 +97,7 @@ def _cell(settings: Settings, name: str) -> None:
         config = replace(config, iterations=settings.iterations)
     seeds = range(settings.first_seed, settings.first_seed + settings.seeds)
     started, busy = time.perf_counter(), time.process_time()
-    cost = world_cost() if task.constrained else no_cost()
-    swapped = recombine(world, objective(in_unit(unit), cost), seeds, config, task.constrained)
+    swapped = recombine(world, objective(in_unit(unit), world_cost()), seeds, config, task.constrained)
     spent = {"wall_s": time.perf_counter() - started, "cpu_s_per_seed": (time.process_time() - busy) / len(seeds)}
     if not isinstance(swapped.made, Fresh):
         raise TypeError(f"{name} is a task of a robot")

@@ -81,10 +81,12 @@ def swap(
     if not isinstance(world.action_space, Box):
         raise ValueError(f"env={world.name} is neither a table nor a robot; choose a world of one of these kinds")
     paid = _part(reward, objectives.world_reward, lambda: objectives.learned_reward(result, seeds))
+    # Where there is no constraint, practice begins under the learned one, if there is one (docs/learner.md).
+    bound_by = None if constraint == NONE and result.networks.method.tests_steps else constraint
     cost = (
         objectives.no_cost()
-        if constraint == NONE
-        else _part(constraint, objectives.world_cost, lambda: objectives.learned_cost(result, seeds))
+        if bound_by == NONE
+        else _part(bound_by, objectives.world_cost, lambda: objectives.learned_cost(result, seeds))
     )
     settings = config or learner_config(world.name, constrained=constraint != NONE)
     return recombine(

@@ -45,7 +45,7 @@ three other starts, wind .2, slip .2, two walls, twice the horizon, and three of
 APART = "Here 1 is right for `S1` and `split` (below 1, f holds the constraint), 0 for the distance (.71 is unrelated)."
 ROBOTS = """Violations, after the score, are shares of timesteps. `S1` is the lift: 0 is the return under the constraint, 1 that
 of r alone; its violations are a multiple of those of r alone. Fresh policies have seeds 9000 and on, those without a
-constraint 9100 and on; a learned seed serves one fresh seed."""
+constraint 9300 and on; a learned seed serves one fresh seed."""
 
 
 def write(out: Path, command: str) -> list[Path]:
