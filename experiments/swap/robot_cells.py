@@ -95,7 +95,7 @@ def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:
 
 
 def _parts(study: Study, env: str, row: str, test: Test, number: int, world: Any) -> tuple[Any, Any]:
-    """The reward and the cost of the test, from this row. Where it has no constraint, the cost is what practice begins under."""
+    """Take the reward and the cost of the test from this row; without a constraint, the cost that practice begins under."""
     reward, cost = objectives.world_reward(), objectives.world_cost()
     if row == ORACLE:
         return reward, cost
