@@ -55,7 +55,7 @@ def maps_of_a_grid(
     tempted = [exact.true_temptation(world, horizon, states, temperature) for states in cells]
     learns = (spec.method.learns_reward, spec.method.tests_steps)
     known = {name: of for name, of, is_learned in zip(("reward", "delta"), tables[:2], learns, strict=True) if is_learned}
-    return {**known, "entered": np.array(entered), "true_tempted": np.array(tempted)}
+    return {**known, "entered": np.array(entered, float), "true_tempted": np.array(tempted)}
 
 
 def grid_options(spec: RunSpec) -> GridOptions | None:
