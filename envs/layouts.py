@@ -18,6 +18,8 @@ class Layout(NamedTuple):
 
 _MUD = ((2, 1), (3, 3))
 
+# The obstacles of second and third were drawn once by numpy.random.default_rng(1) and (2): five cells other than start and
+# goal, redrawn until a clean path of ten steps is left.
 LAYOUTS: Mapping[str, Layout] = {
     "default": Layout(6, ((1, 1), (0, 4), (2, 3), (4, 1), (4, 4)), _MUD),
     "second": Layout(6, ((0, 2), (2, 3), (2, 4), (4, 1), (5, 2)), _MUD),

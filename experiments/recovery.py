@@ -13,15 +13,13 @@ from typing import Any
 
 from aircl_jax import METHODS, train
 from aircl_jax.reports import markdown
+from envs.layouts import LAYOUTS
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, refuse_short_runs
 from experiments.shared.commits import current_commit
 from experiments.shared.paired_tests import each, spread
 
-# Five random obstacles each, drawn once by numpy.random.default_rng(1) and (2) from the cells other than start and goal,
-# and redrawn until a clean path of ten steps is left.
-SECOND = [[0, 2], [2, 3], [2, 4], [4, 1], [5, 2]]
-THIRD = [[0, 4], [1, 3], [1, 4], [2, 3], [4, 2]]
+SECOND, THIRD = ([list(cell) for cell in LAYOUTS[name].obstacles] for name in ("second", "third"))
 WORLDS: dict[str, tuple[str, Mapping[str, Any]]] = {
     "default": ("gridworld", {}),
     "second layout": ("gridworld", {"obstacles": SECOND}),

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from aircl_jax.model.feasibility import log_step_feasibility
+from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.types import FeasibilityScores, TrainState
@@ -16,7 +16,6 @@ from envs import Box
 
 STEPS = 100  # demonstrated steps that are moved
 POINTS = 81  # values that each coordinate takes
-FORBIDDEN_BELOW = 0.5  # mean δ₁ under which a value is forbidden
 LAPSES = 0.01  # share of the demonstrated steps that may lie beyond a limit: what is done more often is not forbidden
 
 

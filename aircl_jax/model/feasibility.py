@@ -12,6 +12,8 @@ RATIO_FLOOR = -10.0  # least log δ of the sharpened test: what an infeasible st
 PASSED_LOGIT = 3.0  # σ(3) = 0.95: how clearly the demonstrations that pass a calibrated test do
 SIGMOID_FLOOR = -11.5  # least log δ of σ(z) in the policy's reward: the published baselines' log(D + 1e-5) for "−∞"
 
+FORBIDDEN_BELOW = 0.5  # δ₁ under which a step, a cell or a value counts as forbidden
+
 AnyScores = Scores | FeasibilityScores
 
 

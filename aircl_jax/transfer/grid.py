@@ -12,10 +12,11 @@ from aircl_jax.analysis import exact
 from aircl_jax.analysis.episodes import LearnedTables, learned_tables
 from aircl_jax.analysis.exact import Outcome, World
 from aircl_jax.methods import Method
+from aircl_jax.model.feasibility import FORBIDDEN_BELOW
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.spec import RunSpec
-from aircl_jax.transfer.table_tests import FORBIDDEN_BELOW, Learned, measures
+from aircl_jax.transfer.table_tests import Learned, measures
 from aircl_jax.types import TrainState, Trajectory
 from envs import Tabular
 from envs.layouts import LAYOUTS

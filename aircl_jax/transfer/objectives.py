@@ -11,15 +11,13 @@ from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.learners.scale_free import Objective
-from aircl_jax.model.feasibility import log_step_feasibility
+from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.types import Trajectory
 
 Part = Callable[[Trajectory], Float[Array, " T"]]  # a `Partial`: the pay, or the cost, of each step of one trajectory
 OfStep = Callable[[Array, Array], Array]  # (obs, action) -> a number
-
-FORBIDDEN_BELOW = 0.5  # δ₁ under which a step is forbidden
 
 
 def objective(reward: Part, cost: Part) -> Objective:

@@ -19,7 +19,6 @@ from envs.gridworld import make_gridworld
 from envs.layouts import LAYOUTS
 from envs.options import GridOptions
 
-FORBIDDEN_BELOW = 0.5  # δ₁ under which a cell is barred
 LEAST_GAIN = 0.05  # of J* − J_u that a lift must be able to earn, else it is undefined
 
 

@@ -83,7 +83,10 @@ def markdown_of(cells: Cells, command: str, picture: str) -> str:
         if rows:
             legend = markdown.bullets(f"{test.name}: {test.about}" for test in tests)
             head = ("row", *(test.name for test in tests))
-            body = [(row, *(_shown(robot_score(cells, env, test.name, row)) for test in tests)) for row in rows]
+            body = [
+                (row, *(_shown(robot_score(cells, env, test.name, row), multiple=test.name == "S1") for test in tests))
+                for row in rows
+            ]
             parts += [f"## {env}", ROBOTS, legend, markdown.table(head, body), "Returns of every seed of the oracle:"]
             parts.append(markdown.table(("test", "returns", "violations"), _oracle_rows(cells, env)))
     commits = sorted({cell["commit"] for cell in cells.values()})
@@ -136,9 +139,10 @@ def _plain(score: Score | None) -> str:
     return "—" if score is None else f"{score.mean:.2f}"
 
 
-def _shown(score: Score | None) -> str:
+def _shown(score: Score | None, multiple: bool = False) -> str:
     if score is None:
         return "—"
     spread = f" [{score.low:.2f}, {score.high:.2f}]" if np.isfinite(score.low) else ""
-    beside = "" if not np.isfinite(score.violation) else f"; {100 * score.violation:.2f} %"
+    violation = f"×{score.violation:.2f}" if multiple else f"{100 * score.violation:.2f} %"
+    beside = f"; {violation}" if np.isfinite(score.violation) else ""
     return f"{score.mean:.2f}{spread}{beside}"

@@ -31,9 +31,9 @@ def load(out: Path) -> dict[tuple[str, str, str], Mapping[str, Any]]:
 
 
 def rows_of(cells: Cells, env: str, order: Sequence[str]) -> list[str]:
-    """List the rows that have a cell of this environment, in the order given."""
+    """List the rows that have a cell of this environment, in the order given; others, as of a run of one's own, follow."""
     present = {row for name, _, row in cells if name == env}
-    return [row for row in order if row in present]
+    return [*(row for row in order if row in present), *sorted(present.difference(order))]
 
 
 def finished_worlds(cells: Cells, reward: str, rows: Sequence[str]) -> list[str]:

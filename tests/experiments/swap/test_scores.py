@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.swap import report
-from experiments.swap.scores import finished_worlds, grid_score, load, robot_score, worst_world
+from experiments.swap.scores import finished_worlds, grid_score, load, robot_score, rows_of, worst_world
 
 
 def robot(test, row, returns, violations=(0.0,)):
@@ -83,6 +83,15 @@ def test_the_report_is_written_from_the_cells_alone(tmp_path):
     words = written[0].read_text()
     assert "`the command`" in words and "90 110" in words
     assert all(path.stat().st_size > 100 for path in written)
+
+
+def test_rows_outside_the_order_come_last():
+    assert rows_of(ROBOT, "swimmer", ["uniform", "oracle", "absent"]) == ["uniform", "oracle", "mine"]
+
+
+def test_the_lifts_violations_are_shown_as_a_multiple():
+    words = report.markdown_of(ROBOT, "the command", "swap.png")
+    assert "; ×0.50" in words and "; 2.00 %" in words
 
 
 def test_without_cells_nothing_is_written(tmp_path):
