@@ -20,7 +20,9 @@ class Method:
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
     learner: Literal["ppo", "cloning"] = "ppo"
-    settings: Literal["paper", "tuned"] = "paper"  # which defaults of `config` it runs with
+    state_reward: bool = False  # f(s, a) = g(s) + E[h(s')] − h(s), h linear in where one is; else f(s, a) is any function
+    tests_entries: bool = False  # δ₁ is of the state that a step enters and is paid on the way in; else of the step itself
+    settings: Literal["paper", "tuned", "contrast"] = "paper"  # which defaults of `config` it runs with
 
     @property
     def learns_feasibility(self) -> bool:
@@ -102,6 +104,17 @@ _CORRECTED = Method(
     constrained_policy=True,
     settings="tuned",
 )
+_CONTRAST = Method(
+    reward="learned",
+    discriminator_of="none",
+    feasibility="step",
+    terms=("exact_likelihood", "reward_ridge", "entry_ratio"),
+    test="ratio",
+    constrained_policy=True,
+    state_reward=True,
+    tests_entries=True,
+    settings="contrast",
+)
 _AIRL = Method(reward="learned", discriminator_of="step", feasibility="none", terms=("discriminator",))
 
 METHODS: dict[str, Method] = {
@@ -118,6 +131,14 @@ METHODS: dict[str, Method] = {
     "aircl_corrected_prior": replace(_CORRECTED, terms=(*_CORRECTED.terms, "contrast")),
     "aircl_corrected_linear": replace(_CORRECTED, network="linear"),
     "aircl_corrected_sa": replace(_CORRECTED, feasibility="step", terms=("discriminator", "step_ratio")),
+    "aircl_contrast": _CONTRAST,
+    "aircl_contrast_memory": replace(  # of a constraint that what is seen of a state does not decide
+        _CONTRAST,
+        feasibility="step_sequence",
+        terms=("likelihood", "reward_ridge", "step_ratio", "sequence_ratio", "minimal"),
+        sampled_from="pool",
+        tests_entries=False,
+    ),
     "bc": replace(_AIRL, discriminator_of="none", terms=(), learner="cloning"),
 }
 
@@ -131,5 +152,7 @@ def get_method(name: str, contrast_prior: Literal["method", "on", "off"] = "meth
         return method
     if not method.learns_feasibility:
         raise ValueError(f"contrast_prior={contrast_prior!r}: {name} has no feasibility; choose 'method'")
+    if method.state_reward and contrast_prior == "on":
+        raise ValueError(f"contrast_prior='on': {name} has no f(τ) to drive apart from δ̄(τ) as Eq. 13 does; choose 'method'")
     terms = tuple(term for term in method.terms if term != "contrast")
     return replace(method, terms=(*terms, "contrast") if contrast_prior == "on" else terms)

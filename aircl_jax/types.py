@@ -45,6 +45,7 @@ class Params(NamedTuple):
     reward: Any  # f_θ
     feasibility: Any  # δ̄_φ
     thresholds: Thresholds
+    entry_price: Any = None  # [O, A], in rows that test entries: E[log δ₁(s')] of each state and action as π is paid it
 
 
 class TrainState(NamedTuple):

@@ -131,6 +131,8 @@ class Env:
     finite_horizon: bool = False  # the task ends at the horizon: the policy sees t/T and nothing is worth anything after it
     reward_view: Callable[[Float[Array, " O"]], Float[Array, " R"]] = _identity  # the smooth coordinates that f may see
     reward_view_size: int = 0  # R; 0 stands for obs_size
+    position: Callable[[Float[Array, " O"]], Float[Array, " P"]] | None = None  # where one is, of which a potential is linear
+    restore: Callable[[Float[Array, " O"]], Any] | None = None  # the state that shows this observation, where one alone does
     constraint_input: Literal["state", "action", "state_action"] = "state"  # what a constraint of this kind of task speaks of
     has_reward: bool = True  # False for animals: there is no true reward to read, and `step` gives NaN
     success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal

@@ -10,7 +10,18 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from envs import grid_rewards
 from envs.base import Discrete, Env, Step, Tabular
 from envs.grid_rewards import Reward
-from envs.grid_tables import MOVES, cells_to, check_cells, check_share, index, marked, show, successors, transitions
+from envs.grid_tables import (
+    MOVES,
+    cells_to,
+    check_cells,
+    check_share,
+    coordinates,
+    index,
+    marked,
+    show,
+    successors,
+    transitions,
+)
 from envs.layouts import LAYOUTS, Cell
 from envs.options import GridOptions, NonMarkovOptions
 from envs.views import Grid
@@ -127,7 +138,8 @@ def _env(
         earned = step_reward[state % cells, successor % cells]
         return successor, Step(table.obs[successor], earned, table.cost[state], jnp.zeros(()))
 
-    row, column = np.divmod(np.arange(cells), view.size)
+    where = coordinates(view.size)
+    row, column = where.T
     smooth = jnp.asarray(np.concatenate([np.eye(view.size)[row], np.eye(view.size)[column]], axis=1), jnp.float32)
     return Env(
         name=name,
@@ -139,6 +151,8 @@ def _env(
         finite_horizon=True,
         reward_view=lambda obs: obs @ smooth,
         reward_view_size=2 * view.size,
+        position=lambda obs: obs @ jnp.asarray(where, jnp.float32),
+        restore=None if len(table.start) > cells else jnp.argmax,
         tabular=table,
         expert_temperature=options.temperature,
         expert_lapse=lapse,

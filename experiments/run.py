@@ -42,8 +42,8 @@ def run(composed: Composed) -> None:
         )
     finally:
         reporter.close()
-    kept = Path(settings.run_dir) / CARD
-    card = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else card_of(result)  # of a run from before cards
+    path = Path(settings.run_dir) / CARD
+    card = json.loads(path.read_text(encoding="utf-8")) if path.exists() else card_of(result)  # of a run from before cards
     print(closing(result.summary, result.alarms, settings.run_dir) + card_closing(card))
 
 

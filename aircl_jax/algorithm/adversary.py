@@ -4,6 +4,7 @@ Every term is minimised; where the paper maximises an objective, the term is its
 the rows that know the true reward read it, through `Scores.f`.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -12,20 +13,37 @@ import optax
 from jaxtyping import Array, PRNGKeyArray
 
 from aircl_jax.algorithm.sampler import take
-from aircl_jax.algorithm.terms.logits import Batches
+from aircl_jax.algorithm.terms.logits import Batches, StateScores
 from aircl_jax.algorithm.terms.table import TERMS
+from aircl_jax.methods import Method
 from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, Params
 
 
-def make_optimiser(config: TrainConfig) -> optax.GradientTransformation:
-    return optax.adam(config.adversary.learning_rate)
+def make_optimiser(method: Method, config: TrainConfig) -> optax.GradientTransformation:
+    """Make Adam of (θ, φ); the slopes of a potential go down their own gradient.
+
+    Where D_E hardly tells a slope its gradient is small and noisy. Adam would make whole steps of it, in any direction.
+    """
+    adam = optax.adam(config.adversary.learning_rate)
+    if not method.state_reward:
+        return adam
+    descent = optax.sgd(config.adversary.potential_rate)
+    return optax.partition({"network": adam, "slopes": descent}, _kinds)
+
+
+def _kinds(trainable: tuple[Any, Any]) -> tuple[Any, Any]:
+    reward, feasibility = trainable
+    kinds = {
+        name: "slopes" if name == "potential" else jax.tree.map(lambda _: "network", part) for name, part in reward.items()
+    }
+    return kinds, jax.tree.map(lambda _: "network", feasibility)
 
 
 def score_all(nets: BoundNetworks, batches: Batches) -> Batches:
     """Score the four sets, each [N, …], given as pairs of trajectories and log π of their actions under the present policy."""
-    return Batches(*(jax.vmap(nets.scores)(*pair) for pair in batches))
+    return _each(lambda pair: jax.vmap(nets.scores)(*pair), batches)
 
 
 def minibatch(batches: Batches, size: int, key: PRNGKeyArray) -> Batches:
@@ -35,22 +53,33 @@ def minibatch(batches: Batches, size: int, key: PRNGKeyArray) -> Batches:
         number = jax.tree.leaves(batch)[0].shape[0]
         return batch if number <= size else take(batch, jax.random.permutation(key, number)[:size])
 
-    return Batches(*map(some, batches, jax.random.split(key, len(batches))))
+    keys = iter(jax.random.split(key, len(batches.sets)))
+    return _each(lambda batch: some(batch, next(keys)), batches)
 
 
-def update(nets: BoundNetworks, opt_state: Any, batches: Batches, key: PRNGKeyArray) -> tuple[Params, Any, Metrics]:
-    """Take `num_steps` Adam steps on the sum of the method's terms, θ and φ together (lines 5 and 6); ω stays unchanged."""
+def update(
+    nets: BoundNetworks,
+    opt_state: Any,
+    batches: Batches,
+    key: PRNGKeyArray,
+    of_states: Callable[[BoundNetworks], StateScores] | None = None,
+) -> tuple[Params, Any, Metrics]:
+    """Take `num_steps` Adam steps on the sum of the method's terms, θ and φ together (lines 5 and 6); ω stays unchanged.
+
+    `of_states` scores the states of a finite world, in rows with a reward of states.
+    """
     method, config, params = nets.method, nets.config, nets.params
     if not method.terms:
         return params, opt_state, {}
-    optimiser = make_optimiser(config)
+    optimiser = make_optimiser(method, config)
     size = max(1, config.adversary.minibatch_size // nets.env.horizon)
 
-    pairs = Batches(*((batch, jax.vmap(nets.log_pi)(batch)) for batch in batches))
+    pairs = _each(lambda batch: (batch, jax.vmap(nets.log_pi)(batch)), batches)
 
     def loss(trainable: tuple, batches: Batches) -> tuple[Array, Metrics]:
         reward, feasibility = trainable
-        scores = score_all(nets.with_params(reward=reward, feasibility=feasibility), batches)
+        trained = nets.with_params(reward=reward, feasibility=feasibility)
+        scores = score_all(trained, batches)._replace(states=of_states(trained) if of_states else None)
         values = {name: TERMS[name](method, config, config.coefficients, scores) for name in method.terms}
         return sum(values.values(), jnp.zeros(())), {f"loss_{name}": value for name, value in values.items()}
 
@@ -65,3 +94,9 @@ def update(nets: BoundNetworks, opt_state: Any, batches: Batches, key: PRNGKeyAr
     ((reward, feasibility), opt_state), metrics = jax.lax.scan(one_step, start, keys)
     last = {name: value[-1] for name, value in metrics.items()}
     return params._replace(reward=reward, feasibility=feasibility), opt_state, last
+
+
+def _each(of: Callable[[Any], Any], batches: Batches) -> Batches:
+    """Apply a function to each of the four sets, in order."""
+    expert, sampled, policy, replay = map(of, batches.sets)
+    return Batches(expert, sampled, policy, replay)

@@ -9,7 +9,8 @@ from jaxtyping import Array, PRNGKeyArray
 from aircl_jax.algorithm.learners.ppo import epoch_order, make_optimiser
 from aircl_jax.algorithm.masks import masked_mean
 from aircl_jax.algorithm.sampler import take
-from aircl_jax.model.networks import BoundNetworks, project_log_std
+from aircl_jax.model.distributions import project_log_std
+from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.train_config import PPOConfig
 from aircl_jax.types import Metrics, Params, Trajectory
 

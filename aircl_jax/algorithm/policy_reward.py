@@ -17,15 +17,18 @@ def policy_reward(
 
     log δ₁ is at least −11.5, which stands for −∞ in the paper's rows. The entropy is causal and inside the reward (J + H of
     Section 3.1). β = 1 in the paper's rows with a learned f. A centred discriminator subtracts the constant mean_E f, which
-    moves no optimum and keeps the critic's targets near zero.
+    moves no optimum and keeps the critic's targets near zero. Rows that test entries pay E[log δ₁(s_{t+1})] instead.
     """
     method, coefficients = nets.method, nets.config.coefficients
     scores = jax.vmap(nets.scores)(policy, policy.log_prob)
     reward = scores.f
-    if method.centred:
+    if method.centred or method.state_reward:
         expert_f = jax.vmap(nets.f)(expert)
         reward = reward - mean_over_steps(expert_f, expert.mask).mean()
-    if method.constrained_policy:
+    if nets.params.entry_price is not None:
+        taken = jax.vmap(jax.vmap(nets.env.action_space.features))(policy.action)
+        reward = reward + ((policy.obs @ nets.params.entry_price) * taken).sum(axis=-1)
+    elif method.constrained_policy:
         reward = reward + jnp.maximum(log_step_feasibility(method, coefficients, scores), SIGMOID_FLOOR)
     reward = (reward - nets.networks.entropy_weight * policy.log_prob) * policy.mask
 

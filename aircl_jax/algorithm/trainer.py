@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from aircl_jax.algorithm import adversary, cloning
+from aircl_jax.algorithm import adversary, cloning, entries
 from aircl_jax.algorithm.learners import exact, ppo
 from aircl_jax.algorithm.measures import step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
@@ -36,6 +36,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     table = exact.plannable(env, method, config) if config.learner == "exact" else None
+    places = entries.counted_table(env, method) if method.state_reward else None
     nets = make_networks(env, method, config)
     num_policy = config.num_trajectories * (config.pool_factor if method.has_pool else 1)
     # In methods that draw D_S from a pool, the terms see N trajectories of D_P ∪ replay, half of each.
@@ -58,7 +59,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         return TrainState(
             params=params,
             ppo_opt=ppo_opt,
-            adversary_opt=adversary.make_optimiser(config).init((params.reward, params.feasibility)),
+            adversary_opt=adversary.make_optimiser(method, config).init((params.reward, params.feasibility)),
             obs_stats=stats,
             replay=rollouts(nets.bind(untrained, stats), key_replay, num_negatives),
             key=key,
@@ -74,8 +75,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         policy, sampled = drawn.policy, drawn.sampled  # D_P, and D_S drawn from it by Eq. 9
         negatives = jax.tree.map(lambda leaf: leaf[:num_negatives], policy)
         batches = Batches(expert, sampled, policy=negatives, replay=state.replay)
+        of_states = entries.scorer(ours, expert, places) if places is not None else None
         params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6: `num_steps` minibatches
-            ours, state.adversary_opt, batches, key_adversary
+            ours, state.adversary_opt, batches, key_adversary, of_states
         )
         params, expert_log_delta = calibrated(now.bind(params, stats), expert)
         ours, ppo_opt = now.bind(params, stats), state.ppo_opt
@@ -88,6 +90,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
                 ours, ppo_opt, policy, reward, bonus, key_policy, now.config.ppo
             )
+        if places is not None and method.tests_entries:
+            price = entries.entry_price(now.bind(params, stats), places, state.step)
+            params = params._replace(entry_price=price)
         metrics = step_metrics(env, sampled, policy, drawn.log_delta, expert_log_delta)
         state = state._replace(
             params=params,
@@ -110,7 +115,11 @@ def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
     left = optax.linear_schedule(1.0, 0.0, config.lr_decay_iterations)(step)
     moves = step >= config.policy_delay
     acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
-    discriminating = replace(config.adversary, learning_rate=left * config.adversary.learning_rate)
+    discriminating = replace(
+        config.adversary,
+        learning_rate=left * config.adversary.learning_rate,
+        potential_rate=left * config.adversary.potential_rate,
+    )
     return replace(nets, config=replace(config, ppo=acting, adversary=discriminating))
 
 

@@ -35,8 +35,8 @@ def contributions(result: Result, policy: Trajectory) -> Contributions:
     """Compute g_i(x_i) − mean_E g_i for each input of δ₁, over the span of D_E and of π's episodes [S, N, T, …]."""
     nets, env = result.networks, result.spec.env
     space = env.action_space
-    kept = np.asarray(result.expert.mask[0]) > 0
-    obs, action = np.asarray(result.expert.obs[0])[kept], np.asarray(result.expert.action[0])[kept]
+    unmasked = np.asarray(result.expert.mask[0]) > 0
+    obs, action = np.asarray(result.expert.obs[0])[unmasked], np.asarray(result.expert.action[0])[unmasked]
     seen, names, low, high = obs[:, :0], (), np.empty(0), np.empty(0)
     if nets.feasibility_sees_state:
         seen, names = obs, env.coordinate_names

@@ -64,12 +64,17 @@ class LearnedTables(NamedTuple):
     reward: Float[np.ndarray, "S X A"]
     step_delta: Float[np.ndarray, "S X A"]
     log_policy: Float[np.ndarray, "S T X A"]
+    state_reward: Float[np.ndarray, "S X"] | None  # g(x), in rows with a reward of states
+    potential: Float[np.ndarray, "S X"] | None  # h(x), likewise
 
 
 def learned_tables(networks: Networks, states: TrainState, table: Tabular) -> LearnedTables:
     """Evaluate the learned functions on every state, action and step of a finite world."""
-    run = jax.jit(jax.vmap(partial(_tables, networks, table)), compiler_options=ONCE)
-    return LearnedTables(*jax.device_get(run(states)))
+    of_steps = jax.jit(jax.vmap(partial(_tables, networks, table)), compiler_options=ONCE)(states)
+    of_states = (None, None)
+    if networks.method.state_reward:
+        of_states = jax.jit(jax.vmap(partial(_state_rewards, networks, table)), compiler_options=ONCE)(states)
+    return LearnedTables(*jax.device_get((*of_steps, *of_states)))
 
 
 def infeasible(trajectories: Trajectory) -> Bool[np.ndarray, "*S N"]:
@@ -110,6 +115,11 @@ def _tables(
     reward, step_delta = jax.vmap(jax.vmap(maps, (None, 0)), (0, None))(table.obs, actions)
     along = jax.vmap(jax.vmap(log_policy, (None, 0)), (0, None))(jnp.arange(env.horizon), table.obs)
     return reward, step_delta, along
+
+
+def _state_rewards(networks: Networks, table: Tabular, state: TrainState) -> tuple[Float[Array, " X"], Float[Array, " X"]]:
+    nets = networks.bind(state.params, state.obs_stats)
+    return jax.vmap(nets.state_reward)(table.obs), jax.vmap(nets.potential)(table.obs)
 
 
 def _expert_occupancy(env: Env, planner: SoftOptimalExpert) -> Float[Array, " C"]:

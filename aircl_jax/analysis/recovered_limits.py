@@ -48,8 +48,8 @@ def recovered_limits(result: Result) -> Limits | None:
     nets, space = result.networks, result.spec.env.action_space
     if not nets.method.tests_steps or not isinstance(space, Box):
         return None
-    kept = np.asarray(result.expert.mask[0]) > 0
-    obs, action = np.asarray(result.expert.obs[0])[kept], np.asarray(result.expert.action[0])[kept]
+    unmasked = np.asarray(result.expert.mask[0]) > 0
+    obs, action = np.asarray(result.expert.obs[0])[unmasked], np.asarray(result.expert.action[0])[unmasked]
     seen = np.concatenate([obs, np.clip(action, space.low, space.high)], axis=1)
     least, greatest = seen.min(axis=0), seen.max(axis=0)
     width = greatest - least

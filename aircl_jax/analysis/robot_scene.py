@@ -87,7 +87,12 @@ def _roll_out(nets: Networks, number: int, state: TrainState) -> Trajectory:
 
 
 def _side(
-    name: str, result: Result, body: Body, quantity: Quantity | None, trajectories: Trajectory, judged: tuple[Array, Array]
+    name: str,
+    result: Result,
+    body: Body,
+    quantity: Quantity | None,
+    trajectories: Trajectory,
+    deltas: tuple[Array, Array],
 ) -> Side:
     method, space = result.spec.method, result.spec.env.action_space
     obs, mask, reward, cost = (
@@ -104,8 +109,8 @@ def _side(
         across=qpos[..., 0],
         violating=violating,
         level=quantity.value(qpos, action) if quantity else None,
-        delta=np.asarray(judged[0]) if method.tests_steps else None,
-        feasibility=np.asarray(judged[1]) if method.learns_feasibility else None,
+        delta=np.asarray(deltas[0]) if method.tests_steps else None,
+        feasibility=np.asarray(deltas[1]) if method.learns_feasibility else None,
         returns=(reward * mask).sum(axis=1),
         violation_rate=(cost * mask).sum(axis=1) / length,
         length=length,

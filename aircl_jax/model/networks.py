@@ -12,7 +12,8 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.methods import Method
 from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy, Table
-from aircl_jax.settings.train_config import PPOConfig, TrainConfig
+from aircl_jax.model.moves import expected_moves
+from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import FeasibilityScores, ObsStats, Params, Scores, Thresholds, Trajectory
 from envs import Discrete, Env
 
@@ -32,6 +33,7 @@ class Networks:
     reward_net: MLP
     step_net: MLP | AdditiveNet
     sequence_net: nn.Module
+    moves: Float[Array, "O A P"] | None = None  # E[position of s'] − position of s, in rows with a reward of states
 
     def init(self, key: PRNGKeyArray) -> Params:
         key_policy, key_value, key_reward, key_step, key_sequence = jax.random.split(key, 5)
@@ -47,11 +49,20 @@ class Networks:
         return Params(
             policy=self.policy_net.init(key_policy, acting),
             value=self.value_net.init(key_value, acting),
-            reward=self.reward_net.init(key_reward, jnp.zeros(self.reward_size)),
+            reward=self._init_reward(key_reward),
             feasibility=feasibility,
             # Never weakly typed: a state that `step` returns with another type would compile the whole chunk a second time.
             thresholds=Thresholds(*[jnp.log(jnp.asarray(self.config.coefficients.threshold, jnp.float32))] * 2),
+            entry_price=jnp.zeros((self.env.obs_size, self.env.action_space.feature_size))
+            if self.method.tests_entries
+            else None,
         )
+
+    def _init_reward(self, key: PRNGKeyArray) -> Any:
+        if self.moves is None:
+            return self.reward_net.init(key, jnp.zeros(self.reward_size))
+        size = self.reward_size - self.env.action_space.feature_size
+        return {"state": self.reward_net.init(key, jnp.zeros(size)), "potential": jnp.zeros(self.moves.shape[-1])}
 
     @property
     def plans(self) -> bool:
@@ -126,6 +137,8 @@ class BoundNetworks:
     def policy(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> distrax.Distribution:
         """π_ω(·|s_t)."""
         head = cast(Array, self.networks.policy_net.apply(self.params.policy, self.acting_input(obs, t)))
+        if self.params.entry_price is not None and not self.networks.plans:  # a plan has it in Q
+            head = head + obs @ self.params.entry_price
         if isinstance(self.env.action_space, Discrete):
             return distrax.Categorical(logits=head)
         return distrax.MultivariateNormalDiag(head, jnp.exp(self.params.policy["params"]["log_std"]))
@@ -135,14 +148,28 @@ class BoundNetworks:
         return self.networks.value_net.apply(self.params.value, self.acting_input(obs, t))[0]
 
     def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
-        """f_θ(s, a), on the environment's smooth coordinates or on s̃."""
-        viewed = self.config.reward_input == "view" and self.env.reward_view_size
-        seen = self.env.reward_view(obs) if viewed else self.normalise(obs)
-        f = self.networks.reward_net.apply(self.params.reward, jnp.concatenate([seen, self.env.action_space.features(action)]))[
-            0
-        ]
+        """f_θ(s, a), on the environment's smooth coordinates or on s̃; of a reward of states g(s) + E[h(s')] − h(s)."""
+        taken = self.env.action_space.features(action)
+        if self.networks.moves is not None:
+            moved = taken @ jnp.einsum("o,oap->ap", obs, self.networks.moves)
+            return self.state_reward(obs) + moved @ self.params.reward["potential"]
+        f = self.networks.reward_net.apply(self.params.reward, jnp.concatenate([self._reward_input(obs), taken]))[0]
         bound = self.config.reward_bound
         return bound * jnp.tanh(f / bound) if bound else f
+
+    def state_reward(self, obs: Float[Array, " O"]) -> Float[Array, ""]:
+        """g(s), in rows with a reward of states."""
+        return self.networks.reward_net.apply(self.params.reward["state"], self._reward_input(obs))[0]
+
+    def potential(self, obs: Float[Array, " O"]) -> Float[Array, ""]:
+        """h(s), linear in the position, in rows with a reward of states."""
+        if self.env.position is None:
+            raise TypeError(f"{self.env.name} has no position")
+        return self.env.position(obs) @ self.params.reward["potential"]
+
+    def _reward_input(self, obs: Float[Array, " O"]) -> Float[Array, " R"]:
+        viewed = self.config.reward_input == "view" and self.env.reward_view_size
+        return self.env.reward_view(obs) if viewed else self.normalise(obs)
 
     def feasibility_input(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, " I"]:
         """What both factors of the feasibility see of a step: s̃, the action, or both, as constraints may speak of them."""
@@ -232,17 +259,5 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
         reward_net=MLP(hidden, 1, activation="relu"),
         step_net=step_net,
         sequence_net=LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden),
+        moves=expected_moves(env) if method.state_reward else None,
     )
-
-
-def categorical(probabilities: Float[Array, " A"]) -> distrax.Distribution:
-    """Return the distribution over actions with these probabilities."""
-    return distrax.Categorical(probs=probabilities)
-
-
-def project_log_std(params: Any, config: PPOConfig) -> Any:
-    """log σ moved back into its bounds after an update; clipped inside the network it would lose its gradient there."""
-    if "log_std" not in params["params"]:
-        return params
-    bounded = jnp.clip(params["params"]["log_std"], config.log_std_min, config.log_std_max)
-    return {"params": {**params["params"], "log_std": bounded}}

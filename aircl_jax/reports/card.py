@@ -10,6 +10,7 @@ from aircl_jax.analysis.episodes import gather_grid
 from aircl_jax.analysis.recovered import AVOIDED_BELOW, avoided, expected, recover
 from aircl_jax.analysis.recovered_limits import recovered_limits
 from aircl_jax.reports import markdown
+from aircl_jax.reports.card_of_entries import of_entries
 from aircl_jax.runs.result import Result
 from envs import Codes, Grid
 
@@ -35,6 +36,8 @@ def card_of(result: Result) -> dict[str, Any]:
     they did.
     """
     method, view = result.spec.method, result.spec.env.view
+    if method.tests_entries and isinstance(view, Grid) and result.spec.env.tabular is not None:
+        return of_entries(result, view, result.spec.env.tabular)
     never: list[dict[str, Any]] = []
     cannot: list[str] = []
     if not method.learns_reward:
@@ -87,7 +90,10 @@ def as_markdown(card: Card, title: str) -> str:
 
 def closing(card: Card) -> str:
     """Write the few lines of the card that a run ends with."""
-    wants = ", ".join(entry["what"] for entry in card["wants"][:SHOWN]) or "not separable from what it does (f = log π_E)"
+    wants = (
+        ", ".join(f"{entry['what']} ({entry['weight']:+.2g})" for entry in card["wants"][:SHOWN])
+        or "not separable from what it does (f = log π_E)"
+    )
     if not card["separable"] and any(line in (_NO_REWARD, _KNOWN_REWARD) for line in card["cannot_tell"]):
         wants = "no reward was learned"
     never = "; ".join(f"{entry['what']} {_limit(entry)}".strip() for entry in card["never"][:SHOWN]) or "nothing was found"
@@ -119,8 +125,8 @@ def _cells(result: Result) -> tuple[list[dict[str, Any]], list[str]]:
         if forbids[cell] > SEEDS_AGREE
     ]
     empty = int(((visits == 0) & (forbids <= SEEDS_AGREE)).sum())
-    told = f"{empty} cells are in no demonstration and not forbidden either: nothing is known of them."
-    return entries, [told] if empty else []
+    unknown = f"{empty} cells are in no demonstration and not forbidden either: nothing is known of them."
+    return entries, [unknown] if empty else []
 
 
 def _changes(result: Result, codes: Codes) -> list[dict[str, Any]]:
@@ -147,7 +153,7 @@ def _limits(result: Result) -> tuple[list[dict[str, Any]], list[str]]:
     limits = recovered_limits(result)
     if limits is None:
         return [], []
-    kept = np.asarray(result.expert.mask[0]) > 0
+    unmasked = np.asarray(result.expert.mask[0]) > 0
     entries, free = [], []
     for index, name in enumerate(limits.names):
         found = False
@@ -165,7 +171,7 @@ def _limits(result: Result) -> tuple[list[dict[str, Any]], list[str]]:
                     "limit": float(drawn.mean()),
                     "spread": float(drawn.std()),
                     "tempted": None,
-                    "done": _beyond(result, limits.names, index, float(drawn.mean()), side, kept),
+                    "done": _beyond(result, limits.names, index, float(drawn.mean()), side, unmasked),
                     "how": f"δ₁ below ½ in {len(drawn)} of {len(values)} seeds; demonstrations reach {end:.3g}",
                 }
             )
@@ -175,14 +181,14 @@ def _limits(result: Result) -> tuple[list[dict[str, Any]], list[str]]:
     return entries, [unseen] if free else []
 
 
-def _beyond(result: Result, names: Sequence[str], index: int, limit: float, side: str, kept: np.ndarray) -> float:
+def _beyond(result: Result, names: Sequence[str], index: int, limit: float, side: str, unmasked: np.ndarray) -> float:
     """Count the demonstrated steps beyond a limit."""
     env = result.spec.env
     name = names[index]
     if name in env.motor_names:
-        values = np.asarray(result.expert.action[0])[kept][:, env.motor_names.index(name)]
+        values = np.asarray(result.expert.action[0])[unmasked][:, env.motor_names.index(name)]
     else:
-        values = np.asarray(result.expert.obs[0])[kept][:, env.coordinate_names.index(name)]
+        values = np.asarray(result.expert.obs[0])[unmasked][:, env.coordinate_names.index(name)]
     return float((values > limit).sum() if side == "above" else (values < limit).sum())
 
 

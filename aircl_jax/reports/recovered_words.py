@@ -87,7 +87,7 @@ def _rewarding(recovered: Recovered, names: Sequence[str], number: int) -> str:
 
 def _avoided(recovered: Recovered, codes: Codes, number: int) -> str:
     listed, chance = avoided(recovered, codes), expected(recovered.seen, codes.impossible)
-    judged = chance >= LEAST_EXPECTED
+    ranked = chance >= LEAST_EXPECTED
     rows = [
         (
             codes.names[source],
@@ -98,13 +98,13 @@ def _avoided(recovered: Recovered, codes: Codes, number: int) -> str:
         )
         for source, target in listed[:number]
     ]
-    kept = "" if len(rows) == len(listed) else f" The {len(rows)} lowest of them:"
+    lowest = "" if len(rows) == len(listed) else f" The {len(rows)} lowest of them:"
     often, below = f"{LEAST_EXPECTED:g}", f"{AVOIDED_BELOW:g}"
     return "\n".join(
         [
-            f"**What they avoid.** Of {judged.sum()} changes that chance would have shown at least {often} times, the run",
-            f"calls {len(listed)} infeasible (feasibility below {below}; 1 is free, 0 is forbidden).{kept}",
-            f"Never shown and forbidden look the same here. {_agreement(recovered.delta[:, judged], 'changes')}",
+            f"**What they avoid.** Of {ranked.sum()} changes that chance would have shown at least {often} times, the run",
+            f"calls {len(listed)} infeasible (feasibility below {below}; 1 is free, 0 is forbidden).{lowest}",
+            f"Never shown and forbidden look the same here. {_agreement(recovered.delta[:, ranked], 'changes')}",
             *(["", markdown.table(AVOIDED_HEAD, rows)] if rows else []),
         ]
     )

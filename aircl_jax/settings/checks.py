@@ -8,8 +8,8 @@ from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs.settings import at_least
 
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
-COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "lr_decay_iterations")
-POSITIVE = ("sharpness", "threshold", "ratio_clip")  # numbers of which 0 is none
+COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "feasibility_delay", "lr_decay_iterations")
+POSITIVE = ("sharpness", "threshold", "ratio_clip", "reward_scatter", "pseudo_count")  # numbers of which 0 is none
 BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max")  # numbers of either sign
 
 

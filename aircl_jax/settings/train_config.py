@@ -22,6 +22,8 @@ class Coefficients:
     threshold: Scalar = 0.4  # ϑ of the corrected test: the density ratio below which a step or a trajectory is infeasible
     false_alarms: Scalar = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
     sequence_ridge: Scalar = 0.0  # η: weight of z² of the corrected trajectory-level term
+    reward_scatter: Scalar = 0.7  # σ of g(s) about its mean, in units of β: the prior of a reward of states
+    pseudo_count: Scalar = 0.25  # ε: entries added to those made and to those expected, in the test of entries
     icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 
@@ -43,6 +45,7 @@ class PPOConfig:
 @dataclass(frozen=True)
 class AdversaryConfig:
     learning_rate: Scalar = 5e-4  # Adam; Table 2
+    potential_rate: Scalar = 0.03  # of plain gradient descent on the potential's slopes, in rows with a reward of states
     num_steps: int = 4  # gradient steps on the reward and the feasibility per iteration
     minibatch_size: int = 2500  # transitions of each set in a step, rounded to whole trajectories; all where there are fewer
     replay_rate: float = 0.02  # probability per iteration that a replay slot is overwritten
@@ -69,6 +72,7 @@ class TrainConfig:
     clone_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
     clone_learning_rate: float = 3e-3  # Adam's, of the cloning
     policy_delay: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn of a clone before it moves
+    feasibility_delay: int = 0  # iterations before δ₁ of entries is paid, so that f is of what is wanted first
     lr_decay_iterations: int = 0  # iterations in which both learning rates fall linearly to 0; 0: they never do
     temperature: float = 1.0  # β of the entropy, where the reward is known or D is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from aircl_jax.analysis import exact
+from aircl_jax.analysis.entries import entries_of
 from aircl_jax.analysis.episodes import LearnedTables, learned_tables
 from aircl_jax.analysis.exact import Outcome, World
 from aircl_jax.methods import Method
@@ -22,6 +23,8 @@ from envs import Tabular
 from envs.layouts import LAYOUTS
 from envs.options import GridOptions
 from envs.registry import options_of
+
+Reward = Callable[[World], Float[np.ndarray, "X A"]]
 
 
 def of_a_grid(spec: RunSpec, networks: Networks, states: TrainState) -> dict[str, Float[np.ndarray, " S"]]:
@@ -43,6 +46,7 @@ def maps_of_a_grid(
     """Make the maps of every seed of a run on a named grid, for recovered.npz; empty elsewhere.
 
     `reward` and `delta` [S, X, A] are what was learned, `entered` [S, X] how often D_E's actions aim at a cell from another,
+    `tempted` [S, X] the method's own M where it has one: how often they would, were entering that cell alone ordinary;
     and `true_tempted` [S, X] the M of `exact.true_temptation` at D_E's states: how often they would, were the cell ordinary
     to the true expert. The last reads the truth; nothing that learns does.
     """
@@ -56,6 +60,8 @@ def maps_of_a_grid(
     tempted = [exact.true_temptation(world, horizon, states, temperature) for states in cells]
     learns = (spec.method.learns_reward, spec.method.tests_steps)
     known = {name: of for name, of, is_learned in zip(("reward", "delta"), tables[:2], learns, strict=True) if is_learned}
+    if spec.method.tests_entries:
+        known["tempted"] = entries_of(networks, states, expert, spec.env.tabular).expected
     return {**known, "entered": np.array(entered, float), "true_tempted": np.array(tempted)}
 
 
@@ -115,9 +121,20 @@ def _on_steps(choice: Any, table: Tabular, known: Float[np.ndarray, "X A"]) -> F
     return np.asarray(jax.vmap(jax.vmap(choice, (None, 0)), (0, None))(table.obs, actions), float)
 
 
-def in_every_world(reward: Float[np.ndarray, "X A"]) -> Callable[[World], Float[np.ndarray, "X A"]]:
+def in_every_world(reward: Float[np.ndarray, "X A"]) -> Reward:
     """Pay the same for a step wherever it leads: f(s, a) does not see the successor."""
     return lambda world: reward
+
+
+def of_states(state_reward: Float[np.ndarray, " X"], potential: Float[np.ndarray, " X"]) -> Reward:
+    """Pay g(s) + E[h(s')] − h(s), with the successors of each world."""
+    return lambda world: state_reward[:, None] + world.transition @ potential - potential[:, None]
+
+
+def _reward_of(tables: LearnedTables, seed: int) -> Reward:
+    if tables.state_reward is None or tables.potential is None:
+        return in_every_world(tables.reward[seed].astype(float))
+    return of_states(tables.state_reward[seed].astype(float), tables.potential[seed].astype(float))
 
 
 def learned(method: Method, tables: LearnedTables) -> list[Learned]:
@@ -125,7 +142,7 @@ def learned(method: Method, tables: LearnedTables) -> list[Learned]:
     policies = np.exp(tables.log_policy.astype(float))
     return [
         Learned(
-            reward=in_every_world(tables.reward[seed].astype(float)) if method.learns_reward else None,
+            reward=_reward_of(tables, seed) if method.learns_reward else None,
             forbids=(tables.step_delta[seed] < FORBIDDEN_BELOW).all(axis=-1) if method.tests_steps else None,
             policy=policies[seed] / policies[seed].sum(axis=-1, keepdims=True),
         )

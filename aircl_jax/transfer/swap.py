@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.learners.scale_free import bound
 from aircl_jax.algorithm.masks import mean_over_steps
-from aircl_jax.model.networks import categorical
+from aircl_jax.model.distributions import categorical
 from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from aircl_jax.transfer import objectives

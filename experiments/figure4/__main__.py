@@ -39,12 +39,12 @@ def make(settings: Settings, words: Sequence[str]) -> None:
     print(study.folder / "report.md")
 
 
-def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterator[report.Found]:
+def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterator[report.Finished]:
     """Yield the finished cells after each new one: the yardsticks with every method, then the recordings held out."""
     of_these = {"windows": len(study.codes)}
     as_asked = of_these | {"seeds": list(range(settings.seeds))}
     yardsticks = cells.kept(study.folder / "yardsticks.json", of_these, partial(cells.yardstick_cell, settings, study))
-    finished = report.Found(yardsticks, {}, {})
+    finished = report.Finished(yardsticks, {}, {})
     for method in methods:
         path = study.folder / f"{method}.json"
         finished.methods[method] = cells.kept(path, as_asked, partial(cells.method_cell, settings, study, method))
@@ -58,7 +58,7 @@ def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterato
         yield finished
 
 
-def write(settings: Settings, study: Study, finished: report.Found, command: str) -> None:
+def write(settings: Settings, study: Study, finished: report.Finished, command: str) -> None:
     """Write report.md and the figures of the finished cells."""
     lag = str(settings.tau_max)
     apart = {name: np.array(cell["difference_map"][lag]) for name, cell in finished.methods.items()}

@@ -22,7 +22,7 @@ scale, with its mean. Chain and chance are of one draw here, and the mean of ten
 TARGET = 1.25  # target of mean |ΔV|, in noise floors
 
 
-class Found(NamedTuple):
+class Finished(NamedTuple):
     """The finished cells: yardsticks, methods by name, held-out folds by method."""
 
     yardsticks: dict[str, Any]
@@ -34,7 +34,7 @@ def named_yardsticks(cell: Mapping[str, Any], lag: str) -> dict[str, list[float]
     return {words: cell[lag]["per_seed"][name] for name, words in YARDSTICKS.items()}
 
 
-def fold_scores(finished: Found) -> dict[str, list[float]]:
+def fold_scores(finished: Finished) -> dict[str, list[float]]:
     """Return mean log P by fold of the Markov chain and of every method, over the folds that all have."""
     number = min(map(len, finished.held_out.values()))
     chain = next(iter(finished.held_out.values()))[:number]
@@ -42,7 +42,7 @@ def fold_scores(finished: Found) -> dict[str, list[float]]:
     return scores | {name: [cell["policy"] for cell in folds[:number]] for name, folds in finished.held_out.items()}
 
 
-def report(settings: Settings, study: Study, finished: Found, command: str, captions: Mapping[str, str]) -> str:
+def report(settings: Settings, study: Study, finished: Finished, command: str, captions: Mapping[str, str]) -> str:
     """Return the text of report.md, with the command that made its numbers."""
     lag = str(settings.tau_max)
     mob = "the simulated mob (SIMULATED: no animal was observed)" if study.simulated else "the recorded windows"
@@ -69,7 +69,7 @@ def report(settings: Settings, study: Study, finished: Found, command: str, capt
     return markdown.paragraphs(*parts)
 
 
-def made_with(finished: Found) -> str:
+def made_with(finished: Finished) -> str:
     """Tabulate each method's commit, iterations, time and command."""
     rows = [
         (name, cell["commit"], cell["iterations"], f"{cell['wall_s']:.0f}", f"`{cell['command']}`")
@@ -83,7 +83,7 @@ def _lags(lag: str) -> str:
     return "τ = 1" if lag == "1" else f"the strongest of τ = 1 to {lag}"
 
 
-def difference_table(finished: Found, lag: str) -> str:
+def difference_table(finished: Finished, lag: str) -> str:
     """Tabulate methods and yardsticks: mean ± std over seeds, in noise floors, and paired with the corrected row."""
     floor = float(np.mean(finished.yardsticks[lag]["per_seed"]["noise_floor"]))
     ours = finished.methods[SHOWN]["difference"]["sampled"][lag] if SHOWN in finished.methods else None
@@ -115,7 +115,7 @@ def _against(values: Sequence[float], ours: Sequence[float]) -> tuple[str, str]:
     return f"{gap.mean:+.4f} [{gap.low:+.4f}, {gap.high:+.4f}]", f"{gap.p:.3f}"
 
 
-def target(finished: Found, lag: str) -> str:
+def target(finished: Finished, lag: str) -> str:
     """Say whether the corrected row is within 1.25 noise floors and below AIRL and GACL."""
     if SHOWN not in finished.methods:
         return ""
@@ -131,7 +131,7 @@ def target(finished: Found, lag: str) -> str:
     return " ".join(lines)
 
 
-def held_out(finished: Found) -> str:
+def held_out(finished: Finished) -> str:
     """Tabulate the next-code log-likelihood of policies and of the smoothed chain on recordings that neither saw."""
     if not finished.held_out:
         return "Not made: `folds=9` does it."
@@ -158,7 +158,7 @@ def held_out(finished: Found) -> str:
     )
 
 
-def prior(finished: Found, lag: str) -> str:
+def prior(finished: Finished, lag: str) -> str:
     """Tabulate the effects of Eq. 13, the contrast prior, with intervals."""
     rows, made = [], False
     for with_it, without in PRIOR:
@@ -184,7 +184,7 @@ def prior(finished: Found, lag: str) -> str:
     return "\n\n".join([markdown.table(head, rows), note]) if made else f"No pair is finished yet.{known}"
 
 
-def _measures(finished: Found, lag: str, *names: str) -> dict[str, list[list[float]]]:
+def _measures(finished: Finished, lag: str, *names: str) -> dict[str, list[list[float]]]:
     cells = [finished.methods[name] for name in names]
     measured = {"mean |ΔV|": [cell["difference"]["sampled"][lag] for cell in cells]}
     for metric, words in (
@@ -197,7 +197,7 @@ def _measures(finished: Found, lag: str, *names: str) -> dict[str, list[list[flo
     return measured
 
 
-def settled(finished: Found) -> str:
+def settled(finished: Finished) -> str:
     """Tabulate means over the seeds at three quarters of the training and at its end."""
     rows = []
     for name, cell in finished.methods.items():

@@ -26,10 +26,14 @@ ROWS = (
     "bc",
     "airl_centred",
     "aircl_corrected",
+    "aircl_contrast",
+    "aircl_contrast planned",
     "aircl_corrected as it is",
     "bc as it is",
 )
-ROWS_OF_GRIDS = ("oracle", "random", "bc", "airl_centred", "aircl_corrected")
+ROWS_OF_GRIDS = ("oracle", "random", "bc", "airl_centred", "aircl_corrected", "aircl_contrast", "aircl_contrast planned")
+
+ONLY_ON_GRIDS = ("aircl_contrast", "aircl_contrast planned")
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,7 @@ def _robot(settings: Settings, world: str, rows: Sequence[str]) -> None:
     )
     for row in rows:
         for test in TESTS[world]:
-            if robot_cells.applies(row, test):
+            if row not in ONLY_ON_GRIDS and robot_cells.applies(row, test):
                 robot_cells.cell(study, world, row, test)
 
 

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,8 @@ import numpy as np
 
 from aircl_jax import train
 from aircl_jax.analysis.episodes import learned_tables
-from aircl_jax.transfer.grid import in_every_world, learned
+from aircl_jax.runs.result import Result
+from aircl_jax.transfer.grid import in_every_world, learned, maps_of_a_grid
 from aircl_jax.transfer.table_tests import Learned, by_world, case, measures, true_reward
 from envs.layouts import LAYOUTS
 from envs.options import GridOptions
@@ -33,7 +34,11 @@ CONTROLS: Mapping[str, Mapping[str, Any]] = {
     "lapses of 5 %": {"lapse": 0.05},
 }
 ORACLE, RANDOM = "oracle", "random"
+CONTRAST, PLANNED = "aircl_contrast", "aircl_contrast planned"
+FRESH = 1000  # first seed of the contrast rows: their settings were chosen on seeds 200 to 203 of the default layout
+CONTRAST_SEEDS = 10
 RANDOM_SEEDS = 10
+OF_THE_POLICY = ("violation_rate_policy", "violation_rate_expert", "goal_rate", "expert_goal_rate", "return", "expert_return")
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,7 @@ def cell(study: GridStudy, world: str, row: str) -> Mapping[str, Any]:
     print(f"{row} on {world}", flush=True)
     settings, commit, started = {**WORLDS, **CONTROLS}[world], current_commit(), time.perf_counter()
     options: GridOptions = options_of("gridworld", settings)
-    seeds, tables = _learned(study, row, settings, options)
+    seeds, tables, apart = _learned(study, row, settings, options)
     rows = [measures(options, one) for one in tables]
     elsewhere = [by_world(options, one) for one in tables]
     made = {
@@ -69,26 +74,58 @@ def cell(study: GridStudy, world: str, row: str) -> Mapping[str, Any]:
         "seconds": round(time.perf_counter() - started, 1),
         "metrics": {name: [_number(one[name]) for one in rows] for name in rows[0]},
         "changed_worlds": {name: [list(map(_number, one[name])) for one in elsewhere] for name in elsewhere[0]},
+        **apart,
     }
     keep(path, made)
     return made
 
 
-def _learned(study: GridStudy, row: str, settings: Mapping[str, Any], options: GridOptions) -> tuple[list[int], list[Learned]]:
-    """What each seed of a row knows: the truth, nothing, or what it has learned from demonstrations."""
+def _learned(
+    study: GridStudy, row: str, settings: Mapping[str, Any], options: GridOptions
+) -> tuple[list[int], list[Learned], Mapping[str, Any]]:
+    """What each seed of a row knows, the truth, nothing, or what it has learned; and what else is kept of its training."""
     world, horizon = case(options).world, case(options).horizon
     nowhere = np.zeros((horizon, *world.reward.shape))  # no policy is asked for where there is a reward
     if row == ORACLE:
-        return [0], [Learned(true_reward, world.forbidden, nowhere)]
+        return [0], [Learned(true_reward, world.forbidden, nowhere)], {}
     if row == RANDOM:
         draws = [np.random.default_rng(seed).normal(size=world.reward.shape) for seed in range(RANDOM_SEEDS)]
-        return list(range(RANDOM_SEEDS)), [Learned(in_every_world(reward), None, nowhere) for reward in draws]
-    iterations = study.iterations or "default"
-    result = train("gridworld", row, seeds=study.seeds, iterations=iterations, env_settings=settings)
+        return list(range(RANDOM_SEEDS)), [Learned(in_every_world(reward), None, nowhere) for reward in draws], {}
+    ours = row in (CONTRAST, PLANNED)
+    result = train(
+        "gridworld",
+        CONTRAST if ours else row,
+        seeds=max(study.seeds, CONTRAST_SEEDS) if ours else study.seeds,
+        first_seed=FRESH if ours else 0,
+        iterations=study.iterations or "default",
+        env_settings=settings,
+        config={"learner": "exact"} if row == PLANNED else {},
+    )
     table = result.spec.env.tabular
     if table is None:
         raise TypeError("a grid is a table")
-    return list(result.summary["seeds"]), learned(result.spec.method, learned_tables(result.networks, result.states, table))
+    found = learned(result.spec.method, learned_tables(result.networks, result.states, table))
+    return list(result.summary["seeds"]), found, _apart(result, found)
+
+
+def _apart(result: Result, found: Sequence[Learned]) -> dict[str, Any]:
+    """Keep π's own measures, and which obstacles each seed found beside the true M of each: who could have found what."""
+    metrics = result.summary["metrics"]
+    kept = {name: metrics[name]["per_seed"] for name in OF_THE_POLICY}
+    forbidden = np.flatnonzero(np.asarray(result.spec.env.tabular.forbidden)) if result.spec.env.tabular else []
+    maps = maps_of_a_grid(result.spec, result.networks, result.states, result.expert)
+    flags = [np.zeros(0) if one.forbids is None else one.forbids for one in found]
+    if not result.spec.method.tests_steps:
+        return {"policy": kept}
+    return {
+        "policy": kept,
+        "obstacles": {
+            "true_tempted": [[round(float(value), 3) for value in seed[forbidden]] for seed in maps["true_tempted"]],
+            "found": [[bool(flag) for flag in seed[forbidden]] for seed in flags],
+        },
+        "false_flags": [int(seed.sum() - seed[forbidden].sum()) for seed in flags],
+        "wall_s": result.summary["wall_s"],
+    }
 
 
 def _number(value: float) -> float | None:

@@ -14,6 +14,8 @@ from experiments.swap.scores import Cells, Score, finished_worlds, grid_score, l
 
 ORDER = (
     "oracle",
+    "aircl_contrast",
+    "aircl_contrast planned",
     "aircl_corrected",
     "airl_centred",
     "random",

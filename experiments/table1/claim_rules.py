@@ -32,7 +32,7 @@ def overall(findings: Sequence[Finding]) -> Verdict:
     return "cannot be told"
 
 
-def told(finding: Finding, seeds: int) -> Finding:
+def of_enough_seeds(finding: Finding, seeds: int) -> Finding:
     """Return the finding, or the verdict that it cannot be told where the seeds are too few."""
     if seeds >= FEWEST_SEEDS:
         return finding
@@ -84,7 +84,7 @@ class Contrast(NamedTuple):
             verdict = ("holds", "") if gain.mean() > 0 else ("does not hold", "worse")
         elif bounds and printed is not None and printed > 0 and bounds[1] < printed:
             verdict = "does not hold", "no difference shown, and one like the paper's is excluded"
-        return told(Finding(env, what, measured, *verdict), len(gain))
+        return of_enough_seeds(Finding(env, what, measured, *verdict), len(gain))
 
     def _printed(self, env: str, metric: str) -> float | None:
         both = [PAPER[env].get(method, {}).get(metric) for method in (self.better, self.worse)]
@@ -124,7 +124,7 @@ class Bound(NamedTuple):
         measured = f"{mean_std(study, env, self.metric, self.method)} [{bounds[0]:.3f}, {bounds[1]:.3f}]"
         within = [bound <= limit if self.most else bound >= limit for bound in bounds]
         verdict: Verdict = "holds" if all(within) else "cannot be told" if any(within) else "does not hold"
-        return told(Finding(env, what, measured, verdict), len(values))
+        return of_enough_seeds(Finding(env, what, measured, verdict), len(values))
 
 
 class Harder(NamedTuple):
@@ -145,7 +145,7 @@ class Harder(NamedTuple):
             return [Finding(self.env, what, "—", "cannot be told", absent or "undefined")]
         worse, rows = sum(harder > easier for harder, easier in pairs), len(pairs)
         verdict: Verdict = "holds" if worse == rows else "does not hold" if 2 * worse <= rows else "cannot be told"
-        return [told(Finding(self.env, what, f"{worse} of {rows} rows", verdict), min(map(len, here.values())))]
+        return [of_enough_seeds(Finding(self.env, what, f"{worse} of {rows} rows", verdict), min(map(len, here.values())))]
 
 
 Rule = Contrast | Bound | Harder

@@ -11,7 +11,7 @@ from aircl_jax.methods import METHODS
 from experiments.shared.paired_tests import SIGNIFICANCE, against_best, mean, spread
 from experiments.shared.paper import PAPER
 from experiments.table1.cells import COLUMNS, ROWS, Study
-from experiments.table1.claim_rules import Bound, Contrast, Finding, Harder, Rule, Verdict, missing, told
+from experiments.table1.claim_rules import Bound, Contrast, Finding, Harder, Rule, Verdict, missing, of_enough_seeds
 
 EVEN = math.log(0.6 / 0.4)  # |logit| below which D is between 0.4 and 0.6
 FEWEST_ROWS = 5  # least number of rows of a rank correlation
@@ -122,10 +122,10 @@ OURS = (
     ),
 )
 
-Judged = tuple[str, str, list[Finding]]  # text, where, evidence
+ClaimWithEvidence = tuple[str, str, list[Finding]]  # text, where, evidence
 
 
-def judged(study: Study, claim: Claim) -> Judged:
+def with_evidence(study: Study, claim: Claim) -> ClaimWithEvidence:
     """Apply the claim's rules to the cells."""
     return claim.text, claim.where, [finding for rule in claim.rules for finding in rule.findings(study)]
 
@@ -160,7 +160,7 @@ def ranks(study: Study) -> list[Finding]:
         rho, p = map(float, stats.spearmanr(points[:, 0], points[:, 1]))  # pyright: ignore[reportArgumentType]
         verdict: Verdict = "does not hold" if rho >= 0 else "holds" if p < SIGNIFICANCE else "cannot be told"
         measured = f"ρ = {rho:+.2f}, p = {p:.2g}, {len(points)} rows"
-        findings.append(told(Finding(env, "rank correlation", measured, verdict), min(map(len, rates.values()))))
+        findings.append(of_enough_seeds(Finding(env, "rank correlation", measured, verdict), min(map(len, rates.values()))))
     return findings
 
 

@@ -8,16 +8,16 @@ from experiments.shared.paired_tests import FEWEST_SEEDS
 from experiments.table1 import claims, convergence
 from experiments.table1.cells import Study
 from experiments.table1.claim_rules import LOWER_IS_BETTER, Bound, Contrast, Finding, Harder, overall
-from experiments.table1.claims import Judged
+from experiments.table1.claims import ClaimWithEvidence
 from experiments.table1.report import warning
 
 
 def markdown(study: Study) -> str:
     """Return the text of claims.md."""
-    paper = [claims.judged(study, claim) for claim in claims.CLAIMS]
+    paper = [claims.with_evidence(study, claim) for claim in claims.CLAIMS]
     best = "`aircl_corrected` is best or tied among rows that are not given the true reward"
-    ours = [(best, "ours", claims.best_without_reward(study)), *(claims.judged(study, claim) for claim in claims.OURS)]
-    measure: list[Judged] = [
+    ours = [(best, "ours", claims.best_without_reward(study)), *(claims.with_evidence(study, claim) for claim in claims.OURS)]
+    measure: list[ClaimWithEvidence] = [
         ("Values like the paper's are those of runs stopped before convergence", "ours", convergence.findings(study)),
         ("A higher RCAcc goes with fewer violations", "Section 7.1", claims.ranks(study)),
     ]
@@ -45,7 +45,7 @@ def markdown(study: Study) -> str:
     return md.paragraphs(*parts)
 
 
-def _summary(title: str, claims_with_evidence: Sequence[Judged]) -> str:
+def _summary(title: str, claims_with_evidence: Sequence[ClaimWithEvidence]) -> str:
     rows = [(text, where, _counted(findings), f"**{_verdict(findings)}**") for text, where, findings in claims_with_evidence]
     return f"## {title}\n\n" + md.table(("claim", "where", "what we measured", "verdict"), rows)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER, PAPER, PRINTED, Printed
 from experiments.table1.cells import Cell, Study
-from experiments.table1.claim_rules import Finding, Verdict, told
+from experiments.table1.claim_rules import Finding, Verdict, of_enough_seeds
 
 RULE = (
     "Curves are means over seeds at the evaluations; 0 is the untrained policy. Near: every measure that the paper prints for "
@@ -93,4 +93,4 @@ def _finding(study: Study, env: str, method: str) -> Finding:
     measured = "; ".join([*words, f"{span}, of {cell['iterations']} iterations"])
     at_end = close[max(close)]
     verdict: Verdict = "holds" if steps and not at_end else "does not hold"
-    return told(Finding(env, method, measured, verdict, "near at the end" if at_end else ""), len(cell["seeds"]))
+    return of_enough_seeds(Finding(env, method, measured, verdict, "near at the end" if at_end else ""), len(cell["seeds"]))

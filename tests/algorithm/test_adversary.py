@@ -33,7 +33,7 @@ def networks(**adversary: Any) -> tuple[Networks, Params]:
 @cache
 def updated(**adversary: Any) -> tuple[Params, Any, Metrics]:
     nets, params = networks(**adversary)
-    opt = make_optimiser(nets.config).init((params.reward, params.feasibility))
+    opt = make_optimiser(nets.method, nets.config).init((params.reward, params.feasibility))
     run = jax.jit(lambda params, opt: update(nets.bind(params, STATS), opt, BATCHES, KEY), compiler_options=UNOPTIMISED)
     return run(params, opt)
 
@@ -41,7 +41,7 @@ def updated(**adversary: Any) -> tuple[Params, Any, Metrics]:
 def losses(params: Params, batches: Batches = BATCHES) -> Metrics:
     """The row's terms under these parameters, log π being the present policy's."""
     nets, _ = networks()
-    present = Batches(*((one, jax.vmap(nets.bind(params, STATS).log_pi)(one)) for one in batches))
+    present = Batches(*((one, jax.vmap(nets.bind(params, STATS).log_pi)(one)) for one in batches.sets))
     scores = score_all(nets.bind(params, STATS), present)
     return {
         f"loss_{name}": TERMS[name](nets.method, nets.config, nets.config.coefficients, scores) for name in nets.method.terms
@@ -91,7 +91,7 @@ def test_every_step_draws_another_minibatch():
 def test_the_four_sets_of_a_minibatch_are_drawn_apart():
     many = random_trajectories(GRID, 0, 60)
     drawn = minibatch(Batches(many, many, many, many), 3, KEY)
-    assert len({tuple(np.asarray(one.reward[:, 0]).tolist()) for one in drawn}) == 4
+    assert len({tuple(np.asarray(one.reward[:, 0]).tolist()) for one in drawn.sets}) == 4
 
 
 def test_the_policy_the_critic_and_the_thresholds_stand_still():

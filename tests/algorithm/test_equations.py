@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.algorithm.policy_reward import policy_reward
-from aircl_jax.algorithm.terms.logits import Batches, discriminator_logits, trajectory_logit
+from aircl_jax.algorithm.terms.logits import Batches, StateScores, discriminator_logits, trajectory_logit
 from aircl_jax.algorithm.terms.table import TERMS
 from aircl_jax.methods import METHODS
 from aircl_jax.model.feasibility import log_feasibility
@@ -152,7 +152,8 @@ def test_terms_and_their_gradients_are_finite_in_float32_at_500_steps(name, scal
     rows = [method for method, row in METHODS.items() if name in row.terms]
 
     def loss(scores, method):
-        return term(name, method, Batches(scores, scores, scores, scores))
+        of_states = StateScores(*jnp.abs(scores.f[jnp.array([0, 1, 2, 0])]), scores.mask.sum())
+        return term(name, method, Batches(scores, scores, scores, scores, of_states))
 
     with jax.enable_x64(False):
         one = jax.tree.map(lambda leaf: scale * leaf.astype(jnp.float32), random_scores(0, 3, horizon=500))

@@ -18,7 +18,7 @@ from tests.worlds import TINY, UNOPTIMISED, fused_step, poisoned, random_traject
 
 CLEAN, POISON, GARBAGE = jnp.float32(0.0), jnp.float32(jnp.nan), jnp.float32(50.0)
 LEARNED = [name for name, row in METHODS.items() if not row.needs_true_reward]
-QUICK = {"aircl", "aircl_corrected", "icrl_prior", "bc"}  # every learner, judge of its own kind and sampler
+QUICK = {"aircl", "aircl_corrected", "aircl_contrast", "icrl_prior", "bc"}  # every learner, judge of its own kind and sampler
 ROWS, LONGEST = (
     [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in METHODS]
     for quick in (QUICK, {"aircl_corrected"})
@@ -44,7 +44,7 @@ def test_fused_step_of_every_row_moves_what_it_learns_and_nothing_else(name):
     assert last.step == 1
     assert moved(first.params.policy, last.params.policy)
     assert moved(first.params.value, last.params.value) == (row.learner == "ppo")
-    assert moved(first.params.reward, last.params.reward) == ("discriminator" in row.terms)
+    assert moved(first.params.reward, last.params.reward) == row.learns_reward
     assert moved(first.params.feasibility, last.params.feasibility) == (row.feasibility != "none")
     assert all(np.isfinite(value) for value in metrics.values())
     assert {f"loss_{term}" for term in row.terms} <= set(metrics)

@@ -157,10 +157,10 @@ def test_the_steps_after_an_early_end_count_for_nothing(result):
     one = jax.tree.map(lambda leaf: np.array(leaf[0, :1]), result.expert)
     one.mask[:, 4:], one.cost[:], one.reward[:] = 0, 1, 1
     one.cost[:, :3] = 0
-    judged = np.ones(one.mask.shape, np.float32), np.ones(1, np.float32)
+    deltas = np.ones(one.mask.shape, np.float32), np.ones(1, np.float32)
     body = make_body("pendulum", settings)
     quantity = robot_scene._quantity(result.spec.env.limit, body)
-    side = robot_scene._side("expert", result, body, quantity, one, jax.tree.map(jnp.asarray, judged))
+    side = robot_scene._side("expert", result, body, quantity, one, jax.tree.map(jnp.asarray, deltas))
     assert (side.length.tolist(), side.returns.tolist(), side.violation_rate.tolist()) == ([4], [4.0], [0.25])
 
 

@@ -170,7 +170,7 @@ def test_the_words_have_twelve_and_the_json_all():
     assert "x12 above" not in words and "2 more are in card.json." in words
     assert "| the goal | 1.50 ± 0.25 |" in words and "Nothing is missing." in words
     assert len(json.loads(as_json(card))["never"]) == 14
-    assert closing(card).startswith("What it wants: the goal.\n")
+    assert closing(card).startswith("What it wants: the goal (+1.5).\n")
 
 
 def test_a_number_that_is_none_is_no_json():

@@ -12,6 +12,8 @@ OURS = [
     "aircl_corrected_prior",
     "aircl_corrected_linear",
     "aircl_corrected_sa",
+    "aircl_contrast",
+    "aircl_contrast_memory",
     "bc",
 ]
 # What a term reads: without it the term would be a constant.
@@ -20,6 +22,7 @@ NEEDS = {
     "minimal": "",
     "step_ratio": "step",
     "sequence_ratio": "sequence",
+    "entry_ratio": "step",
     "gacl": "step",
     "icrl": "step",
 }

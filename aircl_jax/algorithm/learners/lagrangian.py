@@ -11,7 +11,8 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.methods import Method
-from aircl_jax.model.networks import BoundNetworks, Networks, make_networks, project_log_std
+from aircl_jax.model.distributions import project_log_std
+from aircl_jax.model.networks import BoundNetworks, Networks, make_networks
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig

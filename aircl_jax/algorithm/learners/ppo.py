@@ -8,7 +8,8 @@ import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from aircl_jax.algorithm.masks import masked_mean
-from aircl_jax.model.networks import BoundNetworks, project_log_std
+from aircl_jax.model.distributions import project_log_std
+from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.train_config import PPOConfig
 from aircl_jax.types import Metrics, Params, Trajectory
 

@@ -11,7 +11,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.learners.lagrangian import lagrangian_advantage
 from aircl_jax.algorithm.masks import masked_mean
-from aircl_jax.model.networks import BoundNetworks, project_log_std
+from aircl_jax.model.distributions import project_log_std
+from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.types import Metrics, Trajectory
 

@@ -28,5 +28,5 @@ def sequence_ratio(method: Method, config: TrainConfig, coefficients: Coefficien
     m = coefficients.sampled_coef
     expert, sampled = (jax.nn.softplus(-batch.sequence_logit).mean() for batch in (scores.expert, scores.sampled))
     policy, replay = (jax.nn.softplus(batch.sequence_logit).mean() for batch in (scores.policy, scores.replay))
-    ridge = sum((batch.sequence_logit**2).mean() for batch in scores) / len(scores)
+    ridge = sum((batch.sequence_logit**2).mean() for batch in scores.sets) / len(scores.sets)
     return (expert + m * sampled) / (1.0 + m) + 0.5 * (policy + replay) + coefficients.sequence_ridge * ridge

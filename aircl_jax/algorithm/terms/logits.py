@@ -12,6 +12,18 @@ from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Scores
 
 
+class StateScores(NamedTuple):
+    """What is said of each observed state O of a finite world, and how often it was entered in D_E."""
+
+    reward: Float[Array, " O"]  # g(s)
+    step_logit: Float[Array, " O"]  # z(s) of entering s
+    entered: Float[Array, " O"]  # n: how often D_E's actions aim at s from another state
+    expected: Float[Array, " O"]  # M: how often they would, were entering s alone ordinary
+    demonstrations: Float[Array, ""]  # N of D_E
+    expert_f: Float[Array, ""]  # E_E[f(τ)]
+    model_f: Float[Array, ""]  # E_π[f(τ)], exactly, of episodes that begin where D_E's do
+
+
 class Batches(NamedTuple):
     """The four sets of trajectories of one update, or their scores: D_E, D_S, D_P and earlier policies' trajectories."""
 
@@ -19,6 +31,12 @@ class Batches(NamedTuple):
     sampled: Any
     policy: Any
     replay: Any
+    states: StateScores | None = None  # beside the scores of a row with a reward of states
+
+    @property
+    def sets(self) -> tuple[Any, Any, Any, Any]:
+        """Return the four sets without what is said of states."""
+        return self.expert, self.sampled, self.policy, self.replay
 
 
 def trajectory_logit(scores: Scores, reduction: str) -> Float[Array, " N"]:

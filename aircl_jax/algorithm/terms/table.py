@@ -5,6 +5,7 @@ from collections.abc import Callable
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.terms.baselines import gacl, icrl
+from aircl_jax.algorithm.terms.contrast import entry_ratio, exact_likelihood, likelihood, reward_ridge
 from aircl_jax.algorithm.terms.corrected import sequence_ratio, step_ratio
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.algorithm.terms.printed import contrast, discriminator, feasibility_gradient, minimal
@@ -21,6 +22,10 @@ TERMS: dict[str, Term] = {
     "minimal": minimal,
     "step_ratio": step_ratio,
     "sequence_ratio": sequence_ratio,
+    "likelihood": likelihood,
+    "exact_likelihood": exact_likelihood,
+    "reward_ridge": reward_ridge,
+    "entry_ratio": entry_ratio,
     "gacl": gacl,
     "icrl": icrl,
 }

@@ -7,7 +7,7 @@ import pytest
 
 from aircl_jax.algorithm.learners.ppo import clipped_surrogate, epoch_order, gae, make_optimiser
 from aircl_jax.algorithm.masks import masked_mean
-from aircl_jax.model.networks import project_log_std
+from aircl_jax.model.distributions import project_log_std
 from aircl_jax.settings.train_config import PPOConfig
 from envs import Box
 from tests.worlds import KNOWN_REWARD, one_state_env, tiny_networks, unit_stats

@@ -9,7 +9,7 @@ import pytest
 from envs.animals.simulated_meerkats import Truth
 from experiments.figure4 import report as words
 from experiments.figure4.cells import Study
-from experiments.figure4.report import Found
+from experiments.figure4.report import Finished
 from experiments.figure4.truth import against_truth
 
 YARDSTICKS = {
@@ -36,9 +36,9 @@ def cell(sampled: list[float], policy: list[float], **metrics: list[float | None
     }
 
 
-def found(**methods: dict[str, Any]) -> Found:
+def found(**methods: dict[str, Any]) -> Finished:
     ours = {"aircl_corrected": cell([0.022, 0.026], [0.04, 0.06])}
-    return Found({"1": {"per_seed": YARDSTICKS}}, ours | methods, {})
+    return Finished({"1": {"per_seed": YARDSTICKS}}, ours | methods, {})
 
 
 AIRL = cell([0.05, 0.07], [0.08, 0.08])

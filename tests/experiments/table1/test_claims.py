@@ -72,8 +72,9 @@ BAD: dict[str, Any] = {  # as wide again: equal differences of all seeds would t
 def verdicts(good: set[str], *texts: str) -> dict[str, str]:
     """Of these claims, where these rows are good everywhere and the others bad."""
     table = [finished_cell(env, name, **(GOOD if name in good else BAD)) for env in COLUMNS for name in ROWS]
-    judged = [claims.judged(study_of(*table), claim) for claim in (*claims.CLAIMS, *claims.OURS) if claim.text in texts]
-    return {text: overall(findings) for text, _, findings in judged}
+    rules = (*claims.CLAIMS, *claims.OURS)
+    evidence = [claims.with_evidence(study_of(*table), claim) for claim in rules if claim.text in texts]
+    return {text: overall(findings) for text, _, findings in evidence}
 
 
 PRAISING = (
@@ -118,14 +119,14 @@ def test_d_converges_to_a_half_where_the_logits_of_both_rows_are_small():
 def test_robots_are_harder_than_the_grid_and_the_walker_the_hardest(grid, walker, verdict):
     rates = {"gridworld": grid, "swimmer": 0.25, "walker": walker, "pendulum": 0.2}
     table = [finished_cell(env, name, violation_rate=rate) for env, rate in rates.items() for name in METHODS_OF_THE_PAPER]
-    judged = {claim.text: overall(claims.judged(study_of(*table), claim)[2]) for claim in claims.CLAIMS}
-    assert judged["All methods do worse on the robots than on the grid"] == verdict
-    assert judged["On the walker all methods do worse than on the other tasks"] == verdict
+    evidence = {claim.text: overall(claims.with_evidence(study_of(*table), claim)[2]) for claim in claims.CLAIMS}
+    assert evidence["All methods do worse on the robots than on the grid"] == verdict
+    assert evidence["On the walker all methods do worse than on the other tasks"] == verdict
 
 
 def test_our_limits_are_those_of_each_environment():
     table = [finished_cell(env, "aircl_corrected", violation_rate=0.03, violation_rate_policy=0.03) for env in COLUMNS]
-    text, _, found = claims.judged(study_of(*table), claims.OURS[0])
+    text, _, found = claims.with_evidence(study_of(*table), claims.OURS[0])
     assert "below the project's limits" in text
     # q: 0.005, 0.05, 0.05 and 0.02; π: the same, but 0.05 on the pendulum
     assert [line.verdict for line in found if "violation_rate of" in line.what] == [BEYOND, HOLDS, HOLDS, BEYOND]
