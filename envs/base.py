@@ -90,6 +90,8 @@ class Recorded(NamedTuple):
     demonstrations: Callable[[], dict[str, Any]]
     reference: Callable[[], dict[str, Any]] | None  # None: nothing is known by which to score a feasibility
     simulated: bool = False  # stands in for recordings of animals
+    account: tuple[str, ...] = ()  # what was read, and what was left out of it and why
+    warnings: tuple[str, ...] = ()  # what to know of the data before anything learns from them
 
 
 class Shipped(NamedTuple):
