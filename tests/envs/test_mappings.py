@@ -35,17 +35,17 @@ def test_numbers_and_lists_are_read_as_such(tmp_path):
         ("columns: {time: t, individual: i, behaviour: b, colour: c}", "unknown key 'colour'; choose from time"),
         (
             "columns: {time: t, individual: t, behaviour: b}",
-            "time, individual, behaviour are 't', 't', 'b'; choose three columns",
+            "are 't', 't', 'b'; choose three columns",
         ),
         ("columns: {time: , individual: i, behaviour: b}", "columns: time: '' is not the name of a column"),
         ("columns: {time: [t], individual: i, behaviour: b}", r"columns: time: \['t'\] is not the name of a column"),
         (
             "columns: {time: t, individual: i, behaviour: b, coordinates: }",
-            "columns: coordinates: '' is not the name of one column",
+            "coordinates: '' is not the name of one column",
         ),
         (
             COLUMNS.replace("[x, y]", "[x, y, z, w]"),
-            "coordinates: .* is not the name of one column with .*, or a list of 1 to 3",
+            "coordinates: .* is not the name of .*, or a list of 1 to 3",
         ),
         (COLUMNS.replace("[x, y]", "[x, x]"), "coordinates: .* is not the name of one column"),
         (COLUMNS + "zones: []", "unknown key 'zones'"),

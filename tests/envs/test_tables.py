@@ -59,7 +59,8 @@ def test_a_comma_too_many_at_the_end_of_each_row_is_refused_with_row_and_counts(
 
 @pytest.mark.parametrize("quoted", [True, False])
 def test_row_names_without_a_name_are_left_out_as_r_writes_them(tmp_path, quoted):
-    lines = [f"{f'"{number}"' if quoted else number},{','.join(map(str, row))}" for number, row in enumerate(rows(), 1)]
+    mark = '"' if quoted else ""
+    lines = [f"{mark}{number}{mark},{','.join(map(str, row))}" for number, row in enumerate(rows(), 1)]
     found = herd(tmp_path, "\n".join(["t,goat,act", *lines]) + "\n")
     assert found.windows.report.rows == 80
     assert found.windows.names == ("rest", "eat", "walk")

@@ -61,7 +61,7 @@ def test_times_of_day_and_dates_become_seconds(tmp_path, times, seconds):
         (["00:01", "00:02"], r"row 2, column 't': '00:01' is hours and minutes or minutes and seconds; choose HH:MM:SS"),
         (
             ["01/05/2024 10:00"],
-            r"row 2, column 't': '01/05/2024 10:00' is not a number, HH:MM:SS or an ISO date such as 2024-05-01",
+            r"row 2, column 't': '01/05/2024 10:00' is not a number, HH:MM:SS or an ISO date such as",
         ),
         (["2024-02-30", "2024-03-01"], r"row 2, column 't': '2024-02-30' is no date of the calendar"),
         (["2024-02-01 10:00:00", "2024-02-01 10:00:01Z"], "is an ISO date with a zone where the rows before have an ISO date;"),
@@ -126,7 +126,7 @@ def test_bouts_make_a_world_and_the_events_among_them_are_said(tmp_path):
     [
         (
             [(0, "a", "eat", 3), (2, "a", "rest", 4)],
-            r"row 3, column 't': '2' begins before the bout of row 2 ends, in the same",
+            r"row 3, column 't': '2' begins before the bout of row 2 ends",
         ),
         ([(0, "a", "eat", 3), (5, "a", "rest", 4)], r"row 3, column 'end': '4' is before the bout's start"),
         ([(0, "a", "eat", "NA")], r"row 2, column 'end': 'NA' is not a number"),
