@@ -22,6 +22,7 @@ from aircl_jax.runs.recorder import DataRecorder, Memory, Recorder, Row
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
 from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
+from aircl_jax.settings.checks import check_jax
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.transfer.grid import maps_of_a_grid, of_a_grid
 from aircl_jax.types import TrainState, Trajectory
@@ -56,6 +57,7 @@ def train(
         ValueError: in one line, before anything is written, for whatever does not fit.
         KeyboardInterrupt: after an interrupt, once the chunk under way is saved.
     """
+    check_jax()
     spec = make_spec(
         env,
         method,
@@ -170,7 +172,7 @@ def _result(
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=untuned(spec.env.name) + _of_the_data(spec.env) + alarms(summary["seeds"], per_seed),
+        alarms=untuned(spec.env) + _of_the_data(spec.env) + alarms(summary["seeds"], per_seed),
         history=record.history(),
         spec=spec,
         networks=networks,

@@ -1,5 +1,6 @@
 """The protocol that every world follows: one episode of one environment, pure functions, no batch axis."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
@@ -59,9 +60,34 @@ class Box:
     def clip(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
         return jnp.clip(action, self.low, self.high)
 
+    @property
+    def middle(self) -> float:
+        return (self.low + self.high) / 2 if self.is_bounded else 0.0
+
+    @property
+    def half_width(self) -> float:
+        return (self.high - self.low) / 2 if self.is_bounded else 1.0
+
+    @property
+    def is_bounded(self) -> bool:
+        return math.isfinite(self.low) and math.isfinite(self.high)
+
+    @property
+    def is_unit(self) -> bool:
+        """Whether an action is its own number of half-widths from the middle."""
+        return self.middle == 0.0 and self.half_width == 1.0
+
+    def in_half_widths(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
+        """The action from the middle of the box in half-widths: ±1 at the bounds."""
+        return action if self.is_unit else (action - self.middle) / self.half_width
+
+    def from_half_widths(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
+        """The action of so many half-widths from the middle of the box."""
+        return action if self.is_unit else self.middle + self.half_width * action
+
     def features(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
         """The action as the networks see it: clipped as the environment clips it, so that clipping gives nothing away."""
-        return self.clip(action)
+        return self.in_half_widths(self.clip(action))
 
 
 class Tabular(NamedTuple):
@@ -145,6 +171,7 @@ class Env:
     shipped_demonstrations: str | None = None  # name of the shipped D_E and its reference set, where experts are trained
     view: View = BY_NUMBER  # how to draw the world, and what its observations and actions are called
     limit: Limit | None = None  # the line that its constraint draws, where there is one
+    registered: bool = False  # made by the registry, so that its settings are found by its name
 
     @property
     def expert(self) -> Expert | None:

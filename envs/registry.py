@@ -2,7 +2,7 @@
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from envs import options
@@ -42,4 +42,4 @@ def options_of(name: str, settings: Mapping[str, Any]) -> Any:
 def build(name: str, options: Any) -> Env:
     """Build an environment of the table from its options. Raises ValueError where they do not fit each other."""
     module, function = ENVS[name].factory.split(":")
-    return getattr(importlib.import_module(module), function)(options)
+    return replace(getattr(importlib.import_module(module), function)(options), registered=True)

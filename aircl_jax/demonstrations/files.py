@@ -13,7 +13,7 @@ from aircl_jax.demonstrations import npz
 from aircl_jax.demonstrations.minari_data import is_minari, read_minari
 from aircl_jax.storage import replacing
 from aircl_jax.types import Trajectory
-from envs import Box, Discrete, Env
+from envs import Discrete, Env
 
 NAMES = ("obs", "action", "mask", "reward", "cost")
 LARGEST = 1e18  # of a value; beyond it the square is none in single precision
@@ -130,15 +130,9 @@ def _check_actions(action: np.ndarray, env: Env) -> None:
             raise ValueError(f"action is of type {action.dtype}; {choices}")
         if action.min() < 0 or action.max() >= space.n:
             raise ValueError(f"action runs from {action.min()} to {action.max()}; {choices}")
-    elif np.median(_half_widths(action, space)) > FAR_OUTSIDE:
+    elif np.median(np.abs(action - space.middle) / space.half_width) > FAR_OUTSIDE:
         bounds = f"[{space.low:g}, {space.high:g}]"
         raise ValueError(f"half of the actions lie far outside {bounds}; scale them to the environment's unit")
-
-
-def _half_widths(action: np.ndarray, space: Box) -> np.ndarray:
-    """Measure |a| from the middle of the box in half-widths: 1 at the bounds."""
-    middle, half = (space.high + space.low) / 2, (space.high - space.low) / 2
-    return np.abs(action - middle) / half
 
 
 def from_arrays(arrays: Arrays, env: Env) -> Trajectory:

@@ -1,4 +1,4 @@
-"""Read the arrays of an .npz file: their headers first, so that nothing is unpacked that cannot fit or that nobody asked for."""
+"""Read arrays of an .npz file, the headers first, so that nothing is unpacked that cannot fit or that nobody asked for."""
 
 import math
 import warnings
@@ -32,6 +32,16 @@ class Archive:
         self.members = {member.filename.removesuffix(".npy"): member for member in members}
         if len(self.members) < len(members):
             raise ValueError("it holds two arrays of one name; save each once")
+        for (
+            name,
+            member,
+        ) in self.members.items():  # a name that is damaged would pass for that of an array which nobody asks for
+            if member.flag_bits & ENCRYPTED:
+                raise ValueError(f"{name} is encrypted; save plain arrays as .npz")
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise ValueError(f"{name} is packed otherwise than NumPy does it; save it with numpy.savez")
+            with _foreign():
+                archive.open(member).close()
 
     def headers(self, names: Sequence[str]) -> dict[str, Header]:
         """Read the headers of those members that there are. Raises ValueError where one cannot be read as it stands."""
@@ -51,10 +61,6 @@ class Archive:
 
     def _header(self, name: str) -> Header:
         member = self.members[name]
-        if member.flag_bits & ENCRYPTED:
-            raise ValueError(f"{name} is encrypted; save plain arrays as .npz")
-        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise ValueError(f"{name} is packed otherwise than NumPy does it; save it with numpy.savez")
         with _foreign(), self.archive.open(member) as stream, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of headers that Python 2 wrote
             shape, _, dtype = _HEADERS[np.lib.format.read_magic(stream)](stream)

@@ -11,14 +11,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.methods import Method
-from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy, Table
+from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, BoxGaussian, LinearEncoder, Policy, Table
 from aircl_jax.model.moves import expected_moves
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import FeasibilityScores, ObsStats, Params, Scores, Thresholds, Trajectory
 from envs import Discrete, Env
 
 OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
-STD_FLOOR = 1e-3  # of a coordinate that the demonstrations never move
+ROUNDING = 1e-6  # of a coordinate's mean: demonstrations that vary less never move it
+STD_FLOOR = 1e-3  # of a coordinate that they never move, in units of its mean where that is less than 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,7 @@ class BoundNetworks:
 
     def normalise(self, obs: Float[Array, " O"]) -> Float[Array, " O"]:
         """s̃ = (s − mean_E) / std_E, clipped to ±8."""
-        return jnp.clip((obs - self.stats.mean) / jnp.maximum(self.stats.std, STD_FLOOR), -OBS_CLIP, OBS_CLIP)
+        return jnp.clip((obs - self.stats.mean) / spread(self.stats), -OBS_CLIP, OBS_CLIP)
 
     def acting_input(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, " I"]:
         """What policy and value see: s̃, and t/T where the task ends at the horizon. As tables they see s and t as they are."""
@@ -141,7 +142,8 @@ class BoundNetworks:
             head = head + obs @ self.params.entry_price
         if isinstance(self.env.action_space, Discrete):
             return distrax.Categorical(logits=head)
-        return distrax.MultivariateNormalDiag(head, jnp.exp(self.params.policy["params"]["log_std"]))
+        gaussian = distrax.MultivariateNormalDiag(head, jnp.exp(self.params.policy["params"]["log_std"]))
+        return gaussian if self.env.action_space.is_unit else BoxGaussian(gaussian, self.env.action_space)
 
     def value(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, ""]:
         """V(s_t)."""
@@ -237,6 +239,13 @@ class BoundNetworks:
         """All that the adversary's terms need of one trajectory; log π is given, since ω stands still in lines 5 and 6."""
         f = trajectory.reward if self.method.needs_true_reward else self.f(trajectory)
         return Scores(f, log_pi, *self.feasibility_scores(trajectory))
+
+
+def spread(stats: ObsStats) -> Float[Array, " O"]:
+    """The unit in which each coordinate is seen: std_E, or a share of the coordinate that the demonstrations never move."""
+    size = jnp.abs(stats.mean)
+    still = STD_FLOOR * jnp.where(size > 0, jnp.minimum(size, 1.0), 1.0)
+    return jnp.where(stats.std > ROUNDING * size, stats.std, jnp.maximum(still, stats.std))
 
 
 def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:

@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from aircl_jax.algorithm.terms.table import check_method
 from aircl_jax.demonstrations import files
 from aircl_jax.demonstrations.sources import REFERENCE_SEED
 from aircl_jax.methods import Method, get_method
 from aircl_jax.settings.checks import check_config
-from aircl_jax.settings.env_defaults import default_config
+from aircl_jax.settings.env_defaults import config_of
 from aircl_jax.settings.renamed import refuse_old_names, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
@@ -86,9 +87,10 @@ def make_spec(
     world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
     check_env(world)
     row = get_method(method, contrast_prior)
+    check_method(method, row)
     if not isinstance(config, TrainConfig):
         refuse_old_names(config, "train")
-        config = updated(default_config(world.name, row.settings), config, "train")
+        config = updated(config_of(world, row.settings), config, "train")
     if iterations != "default":
         config = replace(config, iterations=at_least("iterations", iterations, 1))
     check_config(config, "train")

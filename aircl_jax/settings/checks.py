@@ -1,8 +1,11 @@
 """Settings that cannot work are refused before anything is computed: one line that names the setting and the choices."""
 
 import math
+import os
 from dataclasses import fields, is_dataclass
 from typing import Any
+
+import jax
 
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs.settings import at_least
@@ -11,6 +14,17 @@ SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms
 COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "feasibility_delay", "lr_decay_iterations")
 POSITIVE = ("sharpness", "threshold", "ratio_clip", "reward_scatter", "pseudo_count")  # numbers of which 0 is none
 BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max")  # numbers of either sign
+
+
+def check_jax() -> None:
+    """Raise ValueError where jax is told to compute in double precision, or on devices that are not there."""
+    if jax.config.jax_enable_x64:
+        raise ValueError("JAX_ENABLE_X64=1 is set, and runs are of single precision; unset it, or choose 0")
+    try:
+        jax.devices()
+    except RuntimeError as error:
+        asked = os.environ.get("JAX_PLATFORMS", "")
+        raise ValueError(f"JAX_PLATFORMS={asked}: {str(error).splitlines()[0]}; choose cpu, or unset it") from error
 
 
 def check_config(config: Any, prefix: str) -> None:
