@@ -31,7 +31,7 @@ def first_beyond(jaxpr: ClosedJaxpr) -> str | None:
 
 
 def _beyond(jaxpr: Jaxpr, known: dict[Any, Any]) -> Iterator[str]:
-    """Follow the constants through a program; `known` holds their values."""
+    """Follow the constants through a program; `known` holds their values, and those that are computed of them."""
     for equation in jaxpr.eqns:
         values = [of.val if isinstance(of, Literal) else known.get(of) for of in equation.invars]
         name = equation.primitive.name
@@ -39,9 +39,12 @@ def _beyond(jaxpr: Jaxpr, known: dict[Any, Any]) -> Iterator[str]:
             yield from _of_a_read(name, equation, values)
         for inner in _programs(equation.params):
             if len(inner.jaxpr.invars) == len(values):
-                inside = dict(zip(inner.jaxpr.invars, values, strict=True))
+                inside: dict[Any, Any] = dict(zip(inner.jaxpr.invars, values, strict=True))
                 inside |= dict(zip(inner.jaxpr.constvars, inner.consts, strict=True))
-                yield from _beyond(inner.jaxpr, {of: value for of, value in inside.items() if value is not None})
+                yield from _beyond(inner.jaxpr, inside)
+                if len(inner.jaxpr.outvars) == len(equation.outvars):
+                    results = [of.val if isinstance(of, Literal) else inside.get(of) for of in inner.jaxpr.outvars]
+                    known |= dict(zip(equation.outvars, results, strict=True))
                 break
         if name in _ARITHMETIC and all(value is not None for value in values):
             known[equation.outvars[0]] = _computed(name, values, equation.params)

@@ -75,8 +75,8 @@ def _warnings(coded: Coded, windows: Windows) -> Iterator[str]:
     now, after = windows.code[:, :-1], windows.code[:, 1:]
     begun = np.bincount(after[now != after], minlength=len(coded.names))
     if begun.max() < LEAST_SEEN:
-        often = f"{coded.names[begun.argmax()]!r}, {begun.max()} times"
-        yield f"no activity begins {LEAST_SEEN} times in the windows (most often {often}), so that none is ranked"
+        often = f" (most often {coded.names[begun.argmax()]!r}, {begun.max()} times)" if begun.any() else ""
+        yield f"no activity begins {LEAST_SEEN} times in the windows{often}, so that none is ranked"
 
 
 def _counted(number: int, what: str) -> str:

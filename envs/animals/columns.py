@@ -168,15 +168,16 @@ def _columns(value: Any) -> dict[str, Any]:
 
 
 def _column(ours: str, name: Any) -> Any:
-    takes = "the name of a column"
     try:
         if ours != "coordinates" or isinstance(name, str):
             return _text(name)
-        takes = f"the name of one column with [x;y;z], or a list of 1 to {GROUND} columns"
         names = list(_labels(name))
     except ValueError:
         names = []
     if not 1 <= len(names) <= GROUND:
+        takes = (
+            f"the name of one column with [x;y;z], or a list of 1 to {GROUND}" if ours == "coordinates" else "a column's name"
+        )
         raise ValueError(f"columns: {ours}: {_shown(name)} is not {takes}")
     return names
 

@@ -10,7 +10,7 @@ TOLERANCE = 0.1  # of a step: rounded and jittered times stay within it, and a m
 
 def one_step(time: Float[np.ndarray, " R"], step: float) -> Bool[np.ndarray, " Q"]:
     """Say of each row but the first whether it is one step after the row before, but for rounding."""
-    rounding = 2 * np.spacing(np.maximum(np.abs(time[1:]), np.abs(time[:-1])))
+    rounding = np.spacing(np.maximum(np.abs(time[1:]), np.abs(time[:-1])))
     return np.abs(np.diff(time) - step) <= TOLERANCE * step + rounding
 
 

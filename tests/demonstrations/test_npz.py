@@ -139,28 +139,30 @@ def test_the_metadata_are_read_alone(tmp_path):
     assert files.metadata(tmp_path / "mine.npz") == {"source": "a test"}
 
 
-def minari_set(folder, observations, actions, steps):
-    """A folder with one episode of a Minari data set, in the format that needs no other package."""
-    minari = pytest.importorskip("minari")
-    from minari.dataset.minari_storage import MinariStorage
-
-    storage = MinariStorage.new(folder, observation_space=observations, action_space=actions, data_format="arrow")
-    storage.update_episodes([minari.data_collector.EpisodeBuffer(id=0, **steps)])
-    return folder
-
-
+@pytest.mark.filterwarnings("ignore::UserWarning")  # Minari's, on what the data set does not say of its author
 @pytest.mark.parametrize("kind", ["Dict", "Tuple"])
-def test_minari_spaces_of_several_arrays_are_refused_by_name(tmp_path, kind):
+def test_minari_spaces_of_several_arrays_are_refused_by_name(tmp_path, kind, monkeypatch):
+    minari = pytest.importorskip("minari")
     from gymnasium import spaces
+    from minari.data_collector import EpisodeBuffer
 
-    box, whole = spaces.Box(-1, 1, (2,)), np.zeros((T + 1, 2), np.float32)
-    observations = spaces.Dict({"a": box}) if kind == "Dict" else spaces.Tuple((box,))
-    steps = {
-        "observations": {"a": whole} if kind == "Dict" else (whole,),
-        "actions": np.zeros((T, 2), np.float32),
-        "rewards": [0.0] * T,
-        "terminations": [False] * T,
-        "truncations": [False] * T,
-    }
-    folder = minari_set(tmp_path, observations, box, steps)
-    refused(folder, f"its observations are of a {kind} space; choose a data set with one array a step", ROBOT)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    box, whole = spaces.Box(-1, 1, (2,)), [np.zeros(2, np.float32)] * (T + 1)
+    episode = EpisodeBuffer(
+        id=0,
+        observations={"a": whole} if kind == "Dict" else (whole,),
+        actions=whole[:T],
+        rewards=[0.0] * T,
+        terminations=[False] * T,
+        truncations=[False] * (T - 1) + [True],
+    )
+    minari.create_dataset_from_buffers(
+        "own/test-v0",
+        [episode],
+        observation_space=spaces.Dict({"a": box}) if kind == "Dict" else spaces.Tuple((box,)),
+        action_space=box,
+        data_format="arrow",
+    )
+    words = f"its observations are of a {kind} space; choose a data set with one array a step"
+    for source in ("minari:own/test-v0", tmp_path / "own" / "test-v0"):
+        refused(source, words, ROBOT)

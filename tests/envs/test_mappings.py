@@ -37,8 +37,8 @@ def test_numbers_and_lists_are_read_as_such(tmp_path):
             "columns: {time: t, individual: t, behaviour: b}",
             "are 't', 't', 'b'; choose three columns",
         ),
-        ("columns: {time: , individual: i, behaviour: b}", "columns: time: '' is not the name of a column"),
-        ("columns: {time: [t], individual: i, behaviour: b}", r"columns: time: \['t'\] is not the name of a column"),
+        ("columns: {time: , individual: i, behaviour: b}", "columns: time: '' is not a column's name"),
+        ("columns: {time: [t], individual: i, behaviour: b}", r"columns: time: \['t'\] is not a column's name"),
         (
             "columns: {time: t, individual: i, behaviour: b, coordinates: }",
             "coordinates: '' is not the name of one column",

@@ -126,7 +126,7 @@ def test_bouts_make_a_world_and_the_events_among_them_are_said(tmp_path):
     [
         (
             [(0, "a", "eat", 3), (2, "a", "rest", 4)],
-            r"row 3, column 't': '2' begins before the bout of row 2 ends",
+            r"row 3, column 't': '2' begins before the bout of row 2 has ended",
         ),
         ([(0, "a", "eat", 3), (5, "a", "rest", 4)], r"row 3, column 'end': '4' is before the bout's start"),
         ([(0, "a", "eat", "NA")], r"row 2, column 'end': 'NA' is not a number"),
