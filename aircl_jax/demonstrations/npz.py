@@ -28,14 +28,10 @@ class Archive:
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self.archive = archive
-        members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
-        self.members = {member.filename.removesuffix(".npy"): member for member in members}
-        if len(self.members) < len(members):
+        self.members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
+        if len(self.members) < len(archive.infolist()):
             raise ValueError("it holds two arrays of one name; save each once")
-        for (
-            name,
-            member,
-        ) in self.members.items():  # a name that is damaged would pass for that of an array which nobody asks for
+        for name, member in self.members.items():  # all: a damaged name would pass for one that nobody asks for
             if member.flag_bits & ENCRYPTED:
                 raise ValueError(f"{name} is encrypted; save plain arrays as .npz")
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):

@@ -120,18 +120,18 @@ def test_a_damaged_file_is_read_as_it_was_or_refused_in_one_line(tmp_path):
     for case in range(CASES):
         random = np.random.default_rng(case)
         given, wrong = arrays(random), False
-        if case % 4 == 0:
+        if case % 5 == 0:
             WRONG[random.integers(len(WRONG))](given)
             wrong = True
         content = packed(given, bool(random.integers(2)))
-        if case % 4 == 1:
+        if case % 5 == 1:
             content = headers_rewritten(random, content)
-        elif case % 4 >= 2:
+        elif case % 5 <= 3 and not wrong:
             content = BYTES[random.integers(len(BYTES))](random, content)
         path.write_bytes(content)
         loaded = outcome(lambda: files.load(path, ENV))
         if isinstance(loaded, Refused):
-            assert loaded.names(f"demonstrations={path}: "), case
+            assert loaded.names(f"demonstrations={path}: ") and case % 5 != 4, case  # every fifth file is whole
             refused += 1
             continue
         assert not wrong, case
@@ -139,4 +139,4 @@ def test_a_damaged_file_is_read_as_it_was_or_refused_in_one_line(tmp_path):
             np.testing.assert_array_equal(getattr(loaded, name), given[name].astype(np.float32), str(case))
         read += 1
     print(f"{read} read, {refused} refused, of {CASES}")
-    assert read > CASES // 50 and refused > CASES // 2
+    assert read >= CASES // 5 and refused > CASES // 2
