@@ -18,8 +18,7 @@ from aircl_jax.types import FeasibilityScores, ObsStats, Params, Scores, Thresho
 from envs import Discrete, Env
 
 OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
-ROUNDING = 1e-6  # of a coordinate's mean: demonstrations that vary less never move it
-STD_FLOOR = 1e-3  # of a coordinate that they never move, in units of its mean where that is less than 1
+STD_FLOOR = 1e-18  # below it the square is none in single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +125,7 @@ class BoundNetworks:
 
     def normalise(self, obs: Float[Array, " O"]) -> Float[Array, " O"]:
         """s̃ = (s − mean_E) / std_E, clipped to ±8."""
-        return jnp.clip((obs - self.stats.mean) / spread(self.stats), -OBS_CLIP, OBS_CLIP)
+        return jnp.clip((obs - self.stats.mean) / jnp.maximum(self.stats.std, STD_FLOOR), -OBS_CLIP, OBS_CLIP)
 
     def acting_input(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, " I"]:
         """What policy and value see: s̃, and t/T where the task ends at the horizon. As tables they see s and t as they are."""
@@ -239,13 +238,6 @@ class BoundNetworks:
         """All that the adversary's terms need of one trajectory; log π is given, since ω stands still in lines 5 and 6."""
         f = trajectory.reward if self.method.needs_true_reward else self.f(trajectory)
         return Scores(f, log_pi, *self.feasibility_scores(trajectory))
-
-
-def spread(stats: ObsStats) -> Float[Array, " O"]:
-    """The unit in which each coordinate is seen: std_E, or a share of the coordinate that the demonstrations never move."""
-    size = jnp.abs(stats.mean)
-    still = STD_FLOOR * jnp.where(size > 0, jnp.minimum(size, 1.0), 1.0)
-    return jnp.where(stats.std > ROUNDING * size, stats.std, jnp.maximum(still, stats.std))
 
 
 def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:

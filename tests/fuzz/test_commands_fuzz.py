@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from experiments import run
+from experiments.cli import hydra_settings
 from experiments.cli.command import run_command
 from experiments.figure2.analysis import Settings as Figure2
 from experiments.figure4.cells import Settings as Figure4
@@ -102,9 +103,11 @@ def test_a_random_command_line_of_a_run_is_understood_as_it_was_meant_or_refused
         raise KeyboardInterrupt
 
     understood = 0
-    with mock.patch("aircl_jax.api._train", stopped):
+    hydra_settings.register()  # once: it takes most of a command's time
+    with mock.patch("aircl_jax.api._train", stopped), mock.patch.object(hydra_settings, "register"):
         for case in range(RUNS):
-            picked = chosen(np.random.default_rng(case), WORDS)
+            words_of_case = WORDS if case % 2 else tuple(word for word in WORDS if word[1] is not BAD)
+            picked = chosen(np.random.default_rng(case), words_of_case)
             words = [word for word, _ in picked]
             code, printed = run.main(["env=gridworld", *words] if "env" not in words[0][:4] else words), capsys.readouterr()
             if any(value is BAD for _, value in picked):
@@ -115,7 +118,7 @@ def test_a_random_command_line_of_a_run_is_understood_as_it_was_meant_or_refused
             understood += 1
     assert not list(Path().iterdir())
     print(f"{understood} of {RUNS} understood")
-    assert understood > RUNS // 20
+    assert understood >= RUNS // 2
 
 
 @pytest.mark.slow
