@@ -77,11 +77,11 @@ class Box:
         """Whether an action is its own number of half-widths from the middle."""
         return self.middle == 0.0 and self.half_width == 1.0
 
-    def in_half_widths(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
+    def in_half_widths(self, action: Float[Array, "*N A"]) -> Float[Array, "*N A"]:
         """The action from the middle of the box in half-widths: ±1 at the bounds."""
         return action if self.is_unit else (action - self.middle) / self.half_width
 
-    def from_half_widths(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
+    def from_half_widths(self, action: Float[Array, "*N A"]) -> Float[Array, "*N A"]:
         """The action of so many half-widths from the middle of the box."""
         return action if self.is_unit else self.middle + self.half_width * action
 

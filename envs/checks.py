@@ -1,7 +1,7 @@
 """One check of a world before anything runs in it: whether `reset` and `step` give what its fields say."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, get_args, get_type_hints
+from typing import Any, cast, get_args, get_type_hints
 
 import chex
 import jax
@@ -80,12 +80,12 @@ def _of_an_episode(env: Env) -> Iterator[str]:
     state, obs = begun
     yield from _shape("obs of reset", obs, (env.obs_size,))
     kind = jnp.int32 if isinstance(env.action_space, Discrete) else jnp.float32
-    done = _traced("step", env.step, key, state, jax.ShapeDtypeStruct(env.action_space.shape, kind))
+    done: Any = _traced("step", env.step, key, state, jax.ShapeDtypeStruct(env.action_space.shape, kind))
     if isinstance(done, tuple) and len(done) == GYMNASIUM and not isinstance(done, Step):
         yield "step returns 5 values, as Gymnasium's does; choose (state, envs.Step(obs, reward, cost, terminated))"
-    if not isinstance(done, tuple) or len(done) != 2 or not isinstance(done[1], Step):
+    elif not isinstance(done, tuple) or len(done) != 2 or not isinstance(done[1], Step):
         yield "step does not return (state, Step); choose envs.Step for the second"
-    after, step = done
+    after, step = cast(tuple[Any, Step], done)
     yield from _shape("obs of step", step.obs, (env.obs_size,))
     for name in ("reward", "cost", "terminated", "counts"):
         yield from _shape(f"{name} of step", getattr(step, name), ())

@@ -86,22 +86,22 @@ class BoxGaussian(distrax.Distribution):
         return self.box.shape
 
     def _sample_n(self, key: PRNGKeyArray, n: int) -> Float[Array, "K A"]:
-        return self.box.from_half_widths(self.in_half_widths._sample_n(key, n))
+        return self.box.from_half_widths(jnp.asarray(self.in_half_widths._sample_n(key, n)))
 
     def log_prob(self, value: Float[Array, "*N A"]) -> Float[Array, "*N"]:
-        return self.in_half_widths.log_prob(self.box.in_half_widths(value))
+        return jnp.asarray(self.in_half_widths.log_prob(self.box.in_half_widths(value)))
 
     def entropy(self) -> Float[Array, ""]:
-        return self.in_half_widths.entropy()
+        return jnp.asarray(self.in_half_widths.entropy())
 
     def mean(self) -> Float[Array, " A"]:
-        return self.box.from_half_widths(self.in_half_widths.mean())
+        return self.box.from_half_widths(jnp.asarray(self.in_half_widths.mean()))
 
     def mode(self) -> Float[Array, " A"]:
         return self.mean()
 
     def stddev(self) -> Float[Array, " A"]:
-        return self.box.half_width * self.in_half_widths.stddev()
+        return self.box.half_width * jnp.asarray(self.in_half_widths.stddev())
 
 
 class Table(nn.Module):

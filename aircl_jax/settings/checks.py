@@ -6,6 +6,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs.settings import at_least
@@ -18,7 +19,7 @@ BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max")  # numbers of either 
 
 def check_jax() -> None:
     """Raise ValueError where jax is told to compute in double precision, or on devices that are not there."""
-    if jax.config.jax_enable_x64:
+    if jnp.result_type(float) == jnp.float64:
         raise ValueError("JAX_ENABLE_X64=1 is set, and runs are of single precision; unset it, or choose 0")
     try:
         jax.devices()

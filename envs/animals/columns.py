@@ -59,8 +59,8 @@ def load_mapping(name: str) -> ColumnMapping:
         if "columns" not in entries:
             known = ", ".join(field.name for field in fields(ColumnMapping))
             raise ValueError(f"a mapping needs the key 'columns'; its keys are {known}")
-        given = {key: _converted(key, value) for key, value in entries.items()}
-        mapping = ColumnMapping(**{"name": path.stem} | given)
+        given: dict[str, Any] = {key: _converted(key, value) for key, value in entries.items()}
+        mapping = ColumnMapping(**{"name": path.stem, **given})
         _check_together(mapping, set(given))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tests.demonstrations.test_files import GRID, N, O, T, arrays, robot
 ROBOT = robot()
 
 
-def of_robot(**changes):
+def of_robot(**changes: Any) -> dict[str, Any]:
     return {"obs": np.ones((N, T, O)), "action": np.zeros((N, T, 2))} | changes
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def rows(number: int = 40, goats: str = "ab", step: float = 1.0, start: float = 
     return [(start + step * index, goat, ACTS[index % 4]) for goat in goats for index in range(number)]
 
 
-def text(header: tuple[str, ...], lines: list[tuple[object, ...]]) -> str:
+def text(header: tuple[str, ...], lines: Sequence[tuple[object, ...]]) -> str:
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows([header, *lines])
     return out.getvalue()
@@ -198,7 +199,8 @@ def test_a_loss_of_more_than_half_of_the_rows_is_a_warning(tmp_path):
     assert found.windows.report.rows_used == 11
     assert "left out: 18 rows in segments of fewer than 11 rows" in found.account.lines
     assert found.account.warnings[0].startswith("62% of the rows are left out")
-    assert make_env("meerkat", data=str(tmp_path), mapping=str(tmp_path / "goats.yaml"), horizon=10).recorded.warnings
+    recorded = make_env("meerkat", data=str(tmp_path), mapping=str(tmp_path / "goats.yaml"), horizon=10).recorded
+    assert recorded is not None and recorded.warnings == found.account.warnings
 
 
 def test_that_no_activity_begins_often_enough_to_be_ranked_is_said_before_training(tmp_path):

@@ -3,6 +3,7 @@
 import io
 import zipfile
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def arrays(random: Random) -> dict[str, np.ndarray]:
     return {"obs": random.normal(size=(N, T, O)), "action": random.uniform(-1, 1, (N, T, A)), **chosen}
 
 
-def packed(given: dict[str, np.ndarray], compressed: bool) -> bytes:
+def packed(given: dict[str, Any], compressed: bool) -> bytes:
     file = io.BytesIO()
     (np.savez_compressed if compressed else np.savez)(file, **given)
     return file.getvalue()

@@ -143,5 +143,5 @@ def _colour(place: int) -> str:
 
 def _place_legend(figure: Figure, places: Sequence[str], shown_rows: Sequence[Rows]) -> None:
     shown = np.unique(np.concatenate([rows.place for rows in shown_rows])).tolist()
-    handles = [Patch(color=_colour(place), label=literal(places[place])) for place in shown]
+    handles = [Patch(color=_colour(place), label=literal(places[int(place)])) for place in shown]
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
