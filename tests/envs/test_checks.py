@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from envs import CONSTRAINTS, Box, Codes, Constraint, Coordinates, Discrete, Grid, Limit, Step, make_env
+from envs import CONSTRAINTS, Box, Codes, Constraint, Coordinates, Discrete, Grid, Limit, Step, adapt, make_env
 from envs.checks import check_env, check_predicate
 from tests.worlds import one_state_env, tiny_grid
 
@@ -144,3 +144,17 @@ def test_a_shipped_robot_refuses_a_constraint_that_reads_beyond_the_pose():
         pytest.raises(ValueError, match=r"constraint 'far' of swimmer reads index 99 of an axis of 5"),
     ):
         make_env("swimmer", constraint="far")
+
+
+@pytest.mark.filterwarnings("ignore:Brax System:UserWarning", "ignore:JAXopt:DeprecationWarning")
+def test_a_world_that_is_wrapped_for_training_is_refused_by_the_names_of_its_wrappers():
+    brax_envs = pytest.importorskip("brax.envs")
+    world = brax_envs.get_environment("hopper", backend="spring")
+    wrapped = brax_envs.training.wrap(world, episode_length=10)
+    with pytest.raises(ValueError, match="Hopper is wrapped in AutoResetWrapper, EpisodeWrapper, VmapWrapper, whose resets"):
+        adapt(wrapped, lambda state, action: jnp.abs(action).max() > 0.5, horizon=20)
+    with pytest.raises(ValueError, match="violated gives float32; choose true or false"):
+        adapt(world, lambda state, action: jnp.abs(action).max(), horizon=20)
+    with pytest.raises(ValueError, match="violated reads index 99 of an axis of 6"):
+        adapt(world, lambda state, action: state.pipeline_state.q[99] > 0, horizon=20)
+    assert not adapt(world, lambda state, action: state.pipeline_state.q[0] > 0, horizon=20).registered
