@@ -26,8 +26,10 @@ def cores() -> int:
 
 
 def user_cache() -> Path | None:
-    """Our folder in the user's cache directory, as the XDG convention has it; None for a user without a home."""
+    """Our folder in the user's cache directory, as the XDG convention has it; None where it cannot be, as without a home."""
     try:
-        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "aircl_jax"
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "aircl_jax"
     except RuntimeError:
         return None
+    nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    return folder if os.access(nearest, os.W_OK) else None

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 
 from envs.base import Box, Discrete, Env, Step
 from envs.indexing import first_beyond
+from envs.options import LONGEST
 from envs.views import Codes, Coordinates, Grid, Maze
 
 CONSTRAINT_INPUTS = get_args(get_type_hints(Env)["constraint_input"])
-LONGEST = 1_000_000  # steps of an episode: more of them fit into no memory
 GYMNASIUM = 5  # values that Gymnasium's step returns
 
 

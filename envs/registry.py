@@ -36,7 +36,10 @@ def options_of(name: str, settings: Mapping[str, Any]) -> Any:
     """Read the options of an environment from untyped settings. Raises ValueError on a wrong name or setting."""
     if name not in ENVS:
         raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")
-    return updated(ENVS[name].options(), settings, "env").resolved()
+    resolved = updated(ENVS[name].options(), settings, "env").resolved()
+    if resolved.horizon > options.LONGEST:
+        raise ValueError(f"env.horizon={resolved.horizon}; choose a whole number from 1 to {options.LONGEST}")
+    return resolved
 
 
 def build(name: str, options: Any) -> Env:

@@ -155,9 +155,10 @@ def _own_demonstrations(demonstrations: str | Path, env: Env) -> tuple[Trajector
     """Read the user's own D_E, and NAME_reference.npz beside it where the environment has no reference set itself."""
     if demonstrations == "default":
         return None, None
-    beside = Path(demonstrations).with_name(f"{Path(demonstrations).stem}_reference.npz")
+    own, path = files.load(demonstrations, env), Path(demonstrations)
+    beside = path.parent / f"{path.stem}_reference.npz"
     scored = env.expert is None and beside.is_file()
-    return files.load(demonstrations, env), files.load(beside, env) if scored else None
+    return own, files.load(beside, env) if scored else None
 
 
 def _read_for(env: Env, own: Trajectory | None, reference: Trajectory | None) -> list[Trajectory]:

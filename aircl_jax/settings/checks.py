@@ -23,9 +23,9 @@ def check_jax() -> None:
         raise ValueError("JAX_ENABLE_X64=1 is set, and runs are of single precision; unset it, or choose 0")
     try:
         jax.devices()
-    except RuntimeError as error:
-        asked = os.environ.get("JAX_PLATFORMS", "")
-        raise ValueError(f"JAX_PLATFORMS={asked}: {str(error).splitlines()[0]}; choose cpu, or unset it") from error
+    except (RuntimeError, AssertionError) as error:  # the latter of a platform that jax knows and has no plugin for
+        asked, reason = os.environ.get("JAX_PLATFORMS", ""), (str(error) or "there is no such device").splitlines()[0]
+        raise ValueError(f"JAX_PLATFORMS={asked}: {reason}; choose cpu, or unset it") from error
 
 
 def check_config(config: Any, prefix: str) -> None:

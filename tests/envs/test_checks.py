@@ -33,8 +33,8 @@ FITTING = Step(jnp.zeros(4), jnp.zeros(()), jnp.zeros(()), jnp.zeros(()))
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"horizon": 0}, "horizon=0; choose a whole number from 1 to 1000000"),
-        ({"horizon": 2**32}, "horizon=4294967296; choose a whole number from 1 to 1000000"),
+        ({"horizon": 0}, "horizon=0; choose a whole number from 1 to 100000"),
+        ({"horizon": 2**32}, "horizon=4294967296; choose a whole number from 1 to 100000"),
         ({"action_space": Box(2, 1.0, -1.0)}, "action_space runs from 1.0 to -1.0; choose a low below a high"),
         ({"action_space": 2}, "action_space is of type int; choose Discrete or Box"),
         ({"constraint_input": "actions"}, "constraint_input='actions'; choose from state, action, state_action"),
