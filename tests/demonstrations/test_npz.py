@@ -138,32 +138,3 @@ def test_a_name_that_is_too_long_is_one_line():
 def test_the_metadata_are_read_alone(tmp_path):
     np.savez(tmp_path / "mine.npz", **arrays(), metadata=np.array('{"source": "a test"}'))
     assert files.metadata(tmp_path / "mine.npz") == {"source": "a test"}
-
-
-@pytest.mark.filterwarnings("ignore::UserWarning")  # Minari's, on what the data set does not say of its author
-@pytest.mark.parametrize("kind", ["Dict", "Tuple"])
-def test_minari_spaces_of_several_arrays_are_refused_by_name(tmp_path, kind, monkeypatch):
-    minari = pytest.importorskip("minari")
-    from gymnasium import spaces
-    from minari.data_collector import EpisodeBuffer
-
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    box, whole = spaces.Box(-1, 1, (2,)), [np.zeros(2, np.float32)] * (T + 1)
-    episode = EpisodeBuffer(
-        id=0,
-        observations={"a": whole} if kind == "Dict" else (whole,),
-        actions=whole[:T],
-        rewards=[0.0] * T,
-        terminations=[False] * T,
-        truncations=[False] * (T - 1) + [True],
-    )
-    minari.create_dataset_from_buffers(
-        "own/test-v0",
-        [episode],
-        observation_space=spaces.Dict({"a": box}) if kind == "Dict" else spaces.Tuple((box,)),
-        action_space=box,
-        data_format="arrow",
-    )
-    words = f"its observations are of a {kind} space; choose a data set with one array a step"
-    for source in ("minari:own/test-v0", tmp_path / "own" / "test-v0"):
-        refused(source, words, ROBOT)
