@@ -18,10 +18,11 @@ from aircl_jax.reports.alarms import alarms, untuned
 from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
 from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session
-from aircl_jax.runs.recorder import Memory, Recorder, Row
+from aircl_jax.runs.recorder import DataRecorder, Memory, Recorder, Row
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
 from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
+from aircl_jax.settings.checks import check_jax
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.transfer.grid import maps_of_a_grid, of_a_grid
 from aircl_jax.types import TrainState, Trajectory
@@ -56,6 +57,7 @@ def train(
         ValueError: in one line, before anything is written, for whatever does not fit.
         KeyboardInterrupt: after an interrupt, once the chunk under way is saved.
     """
+    check_jax()
     spec = make_spec(
         env,
         method,
@@ -104,6 +106,9 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
     if directory and directory.finished and saved:
         return _result(spec, networks, saved, expert, reference, directory.summary(), directory)
+    for recorder in recorders:
+        if spec.env.recorded is not None and isinstance(recorder, DataRecorder):
+            recorder.on_data(spec.env.recorded.account, spec.env.recorded.warnings)
     with directory.held() if directory else nullcontext():
         with defects_apart():
             states = saved or runner.init(expert)
@@ -129,9 +134,10 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
 
             figures = of_a_run.write_figures(result, directory.path / FIGURES)
             words, card = reading(result), card_of(result)
+            account = spec.env.recorded.account if spec.env.recorded is not None else ()
             if command:
                 command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
-            directory.write_report(run_report.report(summary, result.alarms, figures, command, words))
+            directory.write_report(run_report.report(summary, result.alarms, figures, command, words, account))
             directory.write_maps(maps_of_a_grid(spec, networks, states, expert))
             directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))
             directory.write_summary(summary)
@@ -166,7 +172,7 @@ def _result(
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=untuned(spec.env.name) + alarms(summary["seeds"], per_seed),
+        alarms=untuned(spec.env) + _of_the_data(spec.env) + alarms(summary["seeds"], per_seed),
         history=record.history(),
         spec=spec,
         networks=networks,
@@ -175,3 +181,8 @@ def _result(
         reference=reference,
         run_dir=record.path if isinstance(record, RunDirectory) else None,
     )
+
+
+def _of_the_data(env: Env) -> list[str]:
+    """What the recorded demonstrations warn of, as alarms."""
+    return [] if env.recorded is None else [f"{warning[0].upper()}{warning[1:]}." for warning in env.recorded.warnings]

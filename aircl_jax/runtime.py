@@ -13,7 +13,8 @@ def prepare(devices: int | None = None, cache: Path | None = None) -> None:
     """
     if _FORCED_DEVICES not in os.environ.get("XLA_FLAGS", ""):
         os.environ.setdefault("JAX_NUM_CPU_DEVICES", str(devices or cores()))
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache or user_cache() / "aircl_jax"))
+    if kept := cache or user_cache():
+        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(kept))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
 
@@ -24,6 +25,11 @@ def cores() -> int:
     return len(available(0)) if available else os.cpu_count() or 1
 
 
-def user_cache() -> Path:
-    """The user's cache directory, as the XDG convention has it."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+def user_cache() -> Path | None:
+    """Our folder in the user's cache directory, as the XDG convention has it; None where it cannot be, as without a home."""
+    try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "aircl_jax"
+    except RuntimeError:
+        return None
+    nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
+    return folder if os.access(nearest, os.W_OK) else None

@@ -5,7 +5,11 @@ Everything here describes one seed and, where it can, one trajectory; the batch 
 
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
+
+ROUNDING = 1e-6  # of a coordinate's mean: what varies less has not moved
+STILL_SHARE = 1e-3  # standard deviation of a coordinate that has not, as a share of its mean, or of 1
 
 Metrics = dict[str, Float[Array, "..."]]  # a number of one iteration and seed; scans and vmaps put axes before it
 
@@ -28,6 +32,13 @@ class ObsStats(NamedTuple):
 
     mean: Float[Array, " O"]
     std: Float[Array, " O"]
+
+    @classmethod
+    def of(cls, mean: Float[Array, " O"], std: Float[Array, " O"]) -> "ObsStats":
+        """Give a coordinate that hardly moves a share of its own size for standard deviation, so that no rounding is seen."""
+        size = jnp.abs(mean)
+        still = STILL_SHARE * jnp.where(size > 0, jnp.minimum(size, 1.0), 1.0)
+        return cls(mean, jnp.where(std > ROUNDING * size, std, still))
 
 
 class Thresholds(NamedTuple):

@@ -1,5 +1,6 @@
 """The protocol that every world follows: one episode of one environment, pure functions, no batch axis."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
@@ -59,9 +60,34 @@ class Box:
     def clip(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
         return jnp.clip(action, self.low, self.high)
 
+    @property
+    def middle(self) -> float:
+        return (self.low + self.high) / 2 if self.is_bounded else 0.0
+
+    @property
+    def half_width(self) -> float:
+        return (self.high - self.low) / 2 if self.is_bounded else 1.0
+
+    @property
+    def is_bounded(self) -> bool:
+        return math.isfinite(self.low) and math.isfinite(self.high)
+
+    @property
+    def is_unit(self) -> bool:
+        """Whether an action is its own number of half-widths from the middle."""
+        return self.middle == 0.0 and self.half_width == 1.0
+
+    def in_half_widths(self, action: Float[Array, "*N A"]) -> Float[Array, "*N A"]:
+        """The action from the middle of the box in half-widths: ±1 at the bounds."""
+        return action if self.is_unit else (action - self.middle) / self.half_width
+
+    def from_half_widths(self, action: Float[Array, "*N A"]) -> Float[Array, "*N A"]:
+        """The action of so many half-widths from the middle of the box."""
+        return action if self.is_unit else self.middle + self.half_width * action
+
     def features(self, action: Float[Array, " A"]) -> Float[Array, " A"]:
         """The action as the networks see it: clipped as the environment clips it, so that clipping gives nothing away."""
-        return self.clip(action)
+        return self.in_half_widths(self.clip(action))
 
 
 class Tabular(NamedTuple):
@@ -90,6 +116,8 @@ class Recorded(NamedTuple):
     demonstrations: Callable[[], dict[str, Any]]
     reference: Callable[[], dict[str, Any]] | None  # None: nothing is known by which to score a feasibility
     simulated: bool = False  # stands in for recordings of animals
+    account: tuple[str, ...] = ()  # what was read, and what was left out of it and why
+    warnings: tuple[str, ...] = ()  # what to know of the data before anything learns from them
 
 
 class Shipped(NamedTuple):
@@ -143,6 +171,7 @@ class Env:
     shipped_demonstrations: str | None = None  # name of the shipped D_E and its reference set, where experts are trained
     view: View = BY_NUMBER  # how to draw the world, and what its observations and actions are called
     limit: Limit | None = None  # the line that its constraint draws, where there is one
+    registered: bool = False  # made by the registry, so that its settings are found by its name
 
     @property
     def expert(self) -> Expert | None:

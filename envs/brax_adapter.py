@@ -6,7 +6,7 @@
 Brax's and Playground's states carry different fields, but both have `obs`, `reward` and `done`, and actions in [−1, 1].
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
 import jax
@@ -14,6 +14,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from envs.base import Box, Env, Step
+from envs.checks import check_predicate
+
+# Words in the names of wrappers that reset within an episode, cut it off, or batch it.
+WRAPPERS = ("AutoReset", "Episode", "Vmap", "Eval", "DomainRandomization")
+
+
+def _layers(world: Any) -> Iterator[str]:
+    """Name the wrappers around a world, the outermost first."""
+    while hasattr(world, "env"):
+        yield type(world).__name__
+        world = world.env
 
 
 def adapt(
@@ -23,11 +34,21 @@ def adapt(
     terminate: bool = False,
     constraint_input: Literal["state", "action", "state_action"] = "state_action",
 ) -> Env:
-    """`violated(state after the step, clipped action)` is the cost. Raises ValueError on dictionary observations."""
+    """`violated(state after the step, clipped action)` is the cost.
+
+    Raises ValueError for a wrapped world, for dictionary observations, and for a predicate that gives no true or false.
+    """
+    if wrapped := [name for name in _layers(world) if any(word in name for word in WRAPPERS)]:
+        raise ValueError(
+            f"{type(world.unwrapped).__name__} is wrapped in {', '.join(wrapped)}, whose resets and time limits would end "
+            "episodes; choose the world itself, as in brax.envs.get_environment(name)"
+        )
     box = Box(world.action_size)
-    shape = jax.eval_shape(world.reset, jax.random.key(0)).obs
+    begun = jax.eval_shape(world.reset, jax.random.key(0))
+    shape = begun.obs
     if not hasattr(shape, "size"):
         raise ValueError(f"observations of {type(world).__name__} are {type(shape).__name__}; choose an env with one vector")
+    check_predicate("violated", violated, begun, jax.ShapeDtypeStruct((world.action_size,), jnp.float32))
 
     def reset(key: PRNGKeyArray) -> tuple[Any, Float[Array, " O"]]:
         state = world.reset(key)

@@ -1,30 +1,69 @@
 """One check of a world before anything runs in it: whether `reset` and `step` give what its fields say."""
 
-from collections.abc import Iterator
-from typing import Any, get_args, get_type_hints
+from collections.abc import Callable, Iterator
+from typing import Any, cast, get_args, get_type_hints
 
 import chex
 import jax
 import jax.numpy as jnp
 
 from envs.base import Box, Discrete, Env, Step
+from envs.indexing import first_beyond
+from envs.options import LONGEST
 from envs.views import Codes, Coordinates, Grid, Maze
 
 CONSTRAINT_INPUTS = get_args(get_type_hints(Env)["constraint_input"])
+GYMNASIUM = 5  # values that Gymnasium's step returns
+
+
+class MisfitError(ValueError):
+    """What does not fit, and what would."""
 
 
 def check_env(env: Env) -> None:
     """Trace `reset` and `step` once, without computing. Raises ValueError, in one line, for the first misfit."""
-    for misfit in _misfits(env):
-        raise ValueError(f"env={env.name}: {misfit}")
+    try:
+        for misfit in _misfits(env):
+            raise MisfitError(misfit)
+    except MisfitError as misfit:
+        raise ValueError(f"env={env.name}: {' '.join(str(misfit).split())}") from misfit.__cause__
+
+
+def check_predicate(what: str, violated: Callable[..., Any], *inputs: Any) -> None:
+    """Raise ValueError, in one line, unless a predicate of these inputs gives one true or false and reads what there is."""
+    try:
+        found = _traced(what, violated, *inputs)
+        for misfit in _shape(what, found, ()):
+            raise MisfitError(misfit)
+        if found.dtype != jnp.bool_:
+            raise MisfitError(f"{what} gives {found.dtype}; choose true or false, as a comparison does")
+    except MisfitError as misfit:
+        raise ValueError(" ".join(str(misfit).split())) from misfit.__cause__
+
+
+def _traced(what: str, function: Callable[..., Any], *inputs: Any) -> Any:
+    """The shapes and types that a function gives. Raises MisfitError where it cannot be traced, or reads beyond an end."""
+    try:
+        program, found = jax.make_jaxpr(function, return_shape=True)(*inputs)
+        beyond = first_beyond(program)
+    except Exception as error:  # of any kind: it is the user's own code
+        first = (str(error) or type(error).__name__).splitlines()[0]
+        raise MisfitError(
+            f"{what} cannot be traced ({type(error).__name__}: {first}); choose pure functions of jax arrays"
+        ) from error
+    if beyond is not None:
+        raise MisfitError(f"{what} reads {beyond}, which jax takes for the last; choose an index within")
+    return found
 
 
 def _misfits(env: Env) -> Iterator[str]:
     """Every misfit, each with what would fit. What comes later assumes that what came before fits."""
-    if not isinstance(env.horizon, int) or env.horizon < 1:
-        yield f"horizon={env.horizon}; choose a whole number above 0"
+    if not isinstance(env.horizon, int) or not 1 <= env.horizon <= LONGEST:
+        yield f"horizon={env.horizon}; choose a whole number from 1 to {LONGEST}"
     if not isinstance(env.action_space, Discrete | Box):
         yield f"action_space is of type {type(env.action_space).__name__}; choose Discrete or Box"
+    if isinstance(env.action_space, Box) and not env.action_space.low < env.action_space.high:
+        yield f"action_space runs from {env.action_space.low} to {env.action_space.high}; choose a low below a high"
     if env.constraint_input not in CONSTRAINT_INPUTS:
         yield f"constraint_input={env.constraint_input!r}; choose from {', '.join(CONSTRAINT_INPUTS)}"
     yield from _of_an_episode(env)
@@ -35,16 +74,18 @@ def _misfits(env: Env) -> Iterator[str]:
 
 def _of_an_episode(env: Env) -> Iterator[str]:
     key = jax.random.key(0)
-    begun: Any = jax.eval_shape(env.reset, key)
+    begun = _traced("reset", env.reset, key)
     if not isinstance(begun, tuple) or len(begun) != 2:
         yield f"reset returns {type(begun).__name__}; choose (state, obs)"
     state, obs = begun
     yield from _shape("obs of reset", obs, (env.obs_size,))
     kind = jnp.int32 if isinstance(env.action_space, Discrete) else jnp.float32
-    done: Any = jax.eval_shape(env.step, key, state, jax.ShapeDtypeStruct(env.action_space.shape, kind))
-    if not isinstance(done, tuple) or len(done) != 2 or not isinstance(done[1], Step):
+    done: Any = _traced("step", env.step, key, state, jax.ShapeDtypeStruct(env.action_space.shape, kind))
+    if isinstance(done, tuple) and len(done) == GYMNASIUM and not isinstance(done, Step):
+        yield "step returns 5 values, as Gymnasium's does; choose (state, envs.Step(obs, reward, cost, terminated))"
+    elif not isinstance(done, tuple) or len(done) != 2 or not isinstance(done[1], Step):
         yield "step does not return (state, Step); choose envs.Step for the second"
-    after, step = done
+    after, step = cast(tuple[Any, Step], done)
     yield from _shape("obs of step", step.obs, (env.obs_size,))
     for name in ("reward", "cost", "terminated", "counts"):
         yield from _shape(f"{name} of step", getattr(step, name), ())
@@ -55,7 +96,7 @@ def _of_an_episode(env: Env) -> Iterator[str]:
 
 
 def _of_the_reward_view(env: Env) -> Iterator[str]:
-    seen = jax.eval_shape(env.reward_view, jax.ShapeDtypeStruct((env.obs_size,), jnp.float32))
+    seen = _traced("reward_view", env.reward_view, jax.ShapeDtypeStruct((env.obs_size,), jnp.float32))
     yield from _shape("reward_view", seen, (env.reward_view_size or env.obs_size,), "reward_view_size")
 
 

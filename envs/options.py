@@ -6,6 +6,7 @@ from typing import Literal
 from envs.layouts import LAYOUTS
 from envs.robots.factors import BodyOptions, PendulumBody, SwimmerBody, WalkerBody
 
+LONGEST = 100_000  # steps of an episode: rounds of longer ones fit into no memory
 STEP_PRICE = -3.0  # of a step outside the goal, where the reward is of the goal
 HORIZONS = {"goal": 20, "sites": 15}  # steps; of the distance: the way across the layout and back, Table 2's 10 at 6×6
 

@@ -2,7 +2,7 @@
 
 import importlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from envs import options
@@ -36,10 +36,13 @@ def options_of(name: str, settings: Mapping[str, Any]) -> Any:
     """Read the options of an environment from untyped settings. Raises ValueError on a wrong name or setting."""
     if name not in ENVS:
         raise ValueError(f"unknown env {name!r}; choose from {', '.join(ENVS)}")
-    return updated(ENVS[name].options(), settings, "env").resolved()
+    resolved = updated(ENVS[name].options(), settings, "env").resolved()
+    if resolved.horizon > options.LONGEST:
+        raise ValueError(f"env.horizon={resolved.horizon}; choose a whole number from 1 to {options.LONGEST}")
+    return resolved
 
 
 def build(name: str, options: Any) -> Env:
     """Build an environment of the table from its options. Raises ValueError where they do not fit each other."""
     module, function = ENVS[name].factory.split(":")
-    return getattr(importlib.import_module(module), function)(options)
+    return replace(getattr(importlib.import_module(module), function)(options), registered=True)

@@ -38,7 +38,8 @@ def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Tuples as lists, through and through, as YAML and JSON keep them."""
+    """Tuples and arrays as lists, through and through, as YAML and JSON keep them."""
+    value = of_python(value)
     if isinstance(value, Mapping):
         return {name: plain(item) for name, item in value.items()}
     return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
@@ -63,6 +64,7 @@ def _converted(default: Any, annotation: Any, value: Any, name: str) -> Any:
 
 def _match(annotation: Any, value: Any) -> Any:
     """The value as that type, or None where it is none of it."""
+    value = of_python(value)
     origin, args = get_origin(annotation), get_args(annotation)
     if origin is Literal:
         return value if any(value == choice and type(value) is type(choice) for choice in args) else None
@@ -104,8 +106,14 @@ def _shown(value: Any) -> str:
     return written.get(str(value), str(plain(value)))
 
 
+def of_python(value: Any) -> Any:
+    """Scalars and arrays of NumPy and jax as the numbers and lists that they hold; anything else as it is."""
+    return value.tolist() if hasattr(value, "tolist") and hasattr(value, "dtype") else value
+
+
 def at_least(name: str, value: Any, smallest: int) -> int:
     """The value, which is an integer of at least that. Raises ValueError where it is not."""
+    value = of_python(value)
     if type(value) is not int or value < smallest:
         raise ValueError(f"{name}={value} is not an integer of at least {smallest}")
     return value

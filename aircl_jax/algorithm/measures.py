@@ -49,7 +49,8 @@ def auroc(score: Float[Array, " N"], positive: Float[Array, " N"], negative: Flo
     new = jnp.append(True, ranked[1:] != ranked[:-1])  # the first of each group of ties
     below = jax.lax.cummax(jnp.where(new, jnp.append(0.0, up_to[:-1]), 0.0))
     below_or_tied = jax.lax.cummin(jnp.where(jnp.append(new[1:], True), up_to, 1.0), reverse=True)
-    return (positive[order] / positive.sum() * 0.5 * (below + below_or_tied)).sum()
+    area = (positive[order] / positive.sum() * 0.5 * (below + below_or_tied)).sum()
+    return jnp.clip(area, 0.0, 1.0)  # of shares whose rounded sum may be a little above 1
 
 
 def correlation(x: Float[Array, "*B"], y: Float[Array, "*B"], weight: Float[Array, "*B"]) -> Float[Array, ""]:

@@ -127,7 +127,7 @@ def observation_stats(expert: Trajectory) -> ObsStats:
     """Compute mean and standard deviation of D_E's observations over unmasked steps."""
     weight = expert.mask / expert.mask.sum()
     mean = jnp.einsum("nt,nto->o", weight, expert.obs)
-    return ObsStats(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
+    return ObsStats.of(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
 
 
 def refresh(replay: Trajectory, policy: Trajectory, key: PRNGKeyArray, rate: float) -> Trajectory:

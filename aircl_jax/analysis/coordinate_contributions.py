@@ -56,11 +56,13 @@ def contributions(result: Result, policy: Trajectory) -> Contributions:
 
 def curves_of(nets: Networks, state: TrainState, points: Float[Array, "K I"]) -> Float[Array, "K I"]:
     """Compute the logit with coordinate i at each of its points and the others at D_E's mean, less the logit at the mean."""
-    bound, number = nets.bind(state.params, state.obs_stats), nets.env.obs_size
-    features = points
+    bound, number = nets.bind(state.params, state.obs_stats), nets.env.obs_size * nets.feasibility_sees_state
+    obs, action = points[:, :number], points[:, number:]
     if nets.feasibility_sees_state:
-        normalised = jax.vmap(bound.normalise)(points[:, :number])
-        features = jnp.concatenate([normalised, points[:, number:]], axis=1)
+        obs = jax.vmap(bound.normalise)(obs)
+    if isinstance(nets.env.action_space, Box):
+        action = nets.env.action_space.in_half_widths(action)
+    features = jnp.concatenate([obs, action], axis=1)
 
     def logit(feature: Float[Array, " I"]) -> Float[Array, ""]:
         params: Any = state.params.feasibility["step"]

@@ -15,8 +15,8 @@ from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.types import TrainState
 from envs import Codes, Tabular
+from envs.animals.account import LEAST_SEEN
 
-LEAST_SEEN = 5  # a change with fewer cases is not ranked
 LEAST_EXPECTED = 5.0  # a change that chance would show less often is not judged by its absence
 AVOIDED_BELOW = 0.5  # δ under which a change counts as avoided
 
@@ -60,10 +60,13 @@ def _log_policy(networks: Networks, state: TrainState) -> Float[Array, "C A"]:
 
 
 def rank_agreement(values: Float[np.ndarray, "S K"]) -> Float[np.ndarray, " P"]:
-    """Compute Spearman's rank correlation of every pair of seeds; empty with one seed."""
+    """Compute Spearman's rank correlation of every pair of seeds, NaN of equal values; empty where there are not two."""
+    if values.shape[1] < 2:
+        return np.array([])
     pairs = combinations(range(len(values)), 2)
     ranks = rankdata(values, axis=1)
-    return np.array([np.corrcoef(ranks[one], ranks[other])[0, 1] for one, other in pairs])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.array([np.corrcoef(ranks[one], ranks[other])[0, 1] for one, other in pairs])
 
 
 def changes(seen: Int[np.ndarray, "C C"]) -> Int[np.ndarray, "C C"]:

@@ -1,19 +1,22 @@
 """Read, check and write demonstrations D_E: .npz files without pickles, and Minari data sets."""
 
 import json
-import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
+from aircl_jax.demonstrations import npz
+from aircl_jax.demonstrations.minari_data import is_minari, read_minari
 from aircl_jax.storage import replacing
 from aircl_jax.types import Trajectory
-from envs import Box, Discrete, Env
+from envs import Discrete, Env
 
-MINARI = "minari:"  # prefix of a Minari data set's id
+NAMES = ("obs", "action", "mask", "reward", "cost")
+LARGEST = 1e18  # of a value; beyond it the square is none in single precision
 FAR_OUTSIDE = 2.0  # half-widths of the action's box; half of the actions beyond it means another unit
 
 Arrays = Mapping[str, np.ndarray]
@@ -24,23 +27,43 @@ def load(source: str | Path, env: Env) -> Trajectory:
 
     What the source does not hold is filled: `mask` with ones, `reward` and `cost` with NaN, that is, undefined.
     """
-    minari = str(source).startswith(MINARI) or Path(source).is_dir()
     try:
-        arrays = _read_minari(str(source), env.horizon) if minari else _read_npz(Path(source))
-        _check_shapes(arrays, env)
+        arrays = _read(source, env)
         _check_values(arrays)
         _check_actions(arrays["action"], env)
         if env.enumerated:
             _check_codes(arrays, env)
     except ValueError as error:
-        raise ValueError(f"demonstrations={source}: {error}") from error
+        raise ValueError(f"demonstrations={source}: {' '.join(str(error).split())}") from error
+    except OSError as error:
+        raise ValueError(f"demonstrations={source}: it cannot be read: {error.strerror}") from error
     return from_arrays(arrays, env)
+
+
+def _read(source: str | Path, env: Env) -> dict[str, np.ndarray]:
+    """Read the arrays of NAMES, where their shapes fit the environment."""
+    if not str(source).strip():
+        raise ValueError("the name is empty; give an .npz file, a Minari folder or minari:ID, or leave the setting out")
+    if is_minari(source):
+        arrays = read_minari(str(source), env.horizon)
+        _check_shapes({name: npz.Header(array.shape, array.dtype) for name, array in arrays.items()}, env)
+        return arrays
+    with _archive(Path(source)) as archive:
+        headers = archive.headers(NAMES)
+        _check_shapes(headers, env, list(archive.members))
+        return archive.read(list(headers))
+
+
+def _archive(path: Path) -> AbstractContextManager[npz.Archive]:
+    if not path.is_file():
+        raise ValueError("there is no such file; give an .npz with obs and action, a Minari folder, or minari:ID")
+    return npz.opened(path)
 
 
 def save(path: str | Path, trajectories: Trajectory, metadata: Mapping[str, Any]) -> None:
     """Write D_E as .npz, whole or not at all; `metadata` names its origin."""
     path = Path(path)
-    arrays = {name: np.asarray(getattr(trajectories, name)) for name in ("obs", "action", "mask", "reward", "cost")}
+    arrays = {name: np.asarray(getattr(trajectories, name)) for name in NAMES}
     arrays["metadata"] = np.array(json.dumps(metadata))
     with replacing(path) as beside, beside.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
@@ -48,77 +71,38 @@ def save(path: str | Path, trajectories: Trajectory, metadata: Mapping[str, Any]
 
 def metadata(path: str | Path) -> dict[str, Any]:
     """Read the metadata of an .npz file; empty where it has none."""
-    return json.loads(str(_read_npz(Path(path)).get("metadata", "{}")))
+    with _archive(Path(path)) as archive:
+        return json.loads(str(archive.read(list(archive.headers(["metadata"]))).get("metadata", "{}")))
 
 
-def _read_npz(path: Path) -> dict[str, np.ndarray]:
-    if not path.is_file():
-        raise ValueError("there is no such file; give an .npz with obs and action, a Minari folder, or minari:ID")
-    broken = "it is no whole .npz file; save it with numpy.savez(path, obs=…, action=…)"
-    if not zipfile.is_zipfile(path):
-        raise ValueError(broken)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (OSError, EOFError, ValueError, AttributeError, zipfile.BadZipFile) as error:
-        if "pickle" in str(error):
-            raise ValueError("it holds pickled objects, which are not loaded; save plain arrays as .npz") from error
-        raise ValueError(broken) from error
-
-
-def _read_minari(source: str, horizon: int) -> dict[str, np.ndarray]:
-    """Read the episodes of a Minari data set, padded to the horizon under the mask."""
-    try:
-        import minari
-    except ImportError as error:
-        raise ValueError("this needs the package minari, which is not installed") from error
-    try:
-        if source.startswith(MINARI):
-            dataset = minari.load_dataset(source.removeprefix(MINARI))
-        else:
-            dataset = minari.MinariDataset(next(path for path in (Path(source, "data"), Path(source)) if path.is_dir()))
-        episodes = list(dataset.iterate_episodes())
-    except Exception as error:  # Minari passes on any error of its storage
-        reason = (str(error) or type(error).__name__).splitlines()[0]
-        raise ValueError(f"it is no Minari data set ({reason})") from error
-    longest = max((len(episode.actions) for episode in episodes), default=0)
-    if longest > horizon:
-        raise ValueError(f"an episode has {longest} steps; the environment's horizon is {horizon}")
-
-    def padded(values: Any) -> np.ndarray:
-        values = np.asarray(values)
-        return np.pad(values, [(0, horizon - len(values)), *[(0, 0)] * (values.ndim - 1)])
-
-    return {
-        "obs": np.array([padded(episode.observations[: len(episode.actions)]) for episode in episodes]),
-        "action": np.array([padded(episode.actions) for episode in episodes]),
-        "reward": np.array([padded(episode.rewards) for episode in episodes]),
-        "mask": np.array([padded(np.ones(len(episode.actions))) for episode in episodes]),
-    }
-
-
-def _check_shapes(arrays: Arrays, env: Env) -> None:
+def _check_shapes(headers: Mapping[str, npz.Header], env: Env, held: Sequence[str] = ()) -> None:
+    """Raise ValueError for an array that is missing or of another shape or type; `held` names all that the source has."""
     for name in ("obs", "action"):
-        if name not in arrays:
-            raise ValueError(f"{name} is missing; it holds {', '.join(sorted(arrays)) or 'nothing'}")
-    number = len(arrays["obs"]) if arrays["obs"].ndim else 0
+        if name not in headers:
+            raise ValueError(f"{name} is missing; it holds {', '.join(sorted(held or headers)) or 'nothing'}")
+    for name, header in headers.items():
+        if header.dtype.kind not in "fiub":
+            raise ValueError(f"{name} is of type {header.dtype}; numbers are needed")
+    number = next(iter(headers["obs"].shape), 0)
     if number == 0:
         raise ValueError("it holds no trajectory; at least one is needed")
     steps = (number, env.horizon)
     expected = {"obs": (*steps, env.obs_size), "action": (*steps, *env.action_space.shape)}
     for name, shape in (expected | dict.fromkeys(("mask", "reward", "cost"), steps)).items():
-        if name in arrays and arrays[name].shape != shape:
-            raise ValueError(f"{name} has shape {list(arrays[name].shape)}; {env.name} needs {list(shape)}")
+        if name in headers and headers[name].shape != shape:
+            raise ValueError(f"{name} has shape {list(headers[name].shape)}; {env.name} needs {list(shape)}")
 
 
 def _check_values(arrays: Arrays) -> None:
-    for name in ("obs", "action", "mask", "reward", "cost"):
+    """Raise ValueError for a value that is not finite in the single precision of training, or that is no mask or cost."""
+    for name in NAMES:
         values = arrays.get(name, np.zeros(()))
-        if values.dtype.kind not in "fiub":
-            raise ValueError(f"{name} is of type {values.dtype}; numbers are needed")
-        if not np.isfinite(values).all():
-            place = np.argwhere(~np.isfinite(values))[0]
-            raise ValueError(f"{name} is not finite in trajectory {place[0]}, step {place[1]}")
+        with np.errstate(over="ignore", invalid="ignore"):
+            wrong = np.argwhere(~(np.abs(values.astype(np.float32)) <= LARGEST))
+        if len(wrong):
+            value = values[tuple(wrong[0])]
+            what = f"is {value:.3g}, beyond {LARGEST:g}," if np.isfinite(value) else "is not finite"
+            raise ValueError(f"{name} {what} in trajectory {wrong[0][0]}, step {wrong[0][1]}")
     mask, cost = arrays.get("mask"), arrays.get("cost")
     if mask is not None and not (np.isin(mask, (0, 1)).all() and mask[:, 0].all() and _never_rises(mask)):
         raise ValueError("mask must be 1 up to an episode's last step and 0 after it")
@@ -146,25 +130,19 @@ def _check_actions(action: np.ndarray, env: Env) -> None:
             raise ValueError(f"action is of type {action.dtype}; {choices}")
         if action.min() < 0 or action.max() >= space.n:
             raise ValueError(f"action runs from {action.min()} to {action.max()}; {choices}")
-    elif np.median(_half_widths(action, space)) > FAR_OUTSIDE:
+    elif np.median(np.abs(action - space.middle) / space.half_width) > FAR_OUTSIDE:
         bounds = f"[{space.low:g}, {space.high:g}]"
         raise ValueError(f"half of the actions lie far outside {bounds}; scale them to the environment's unit")
-
-
-def _half_widths(action: np.ndarray, space: Box) -> np.ndarray:
-    """Measure |a| from the middle of the box in half-widths: 1 at the bounds."""
-    middle, half = (space.high + space.low) / 2, (space.high - space.low) / 2
-    return np.abs(action - middle) / half
 
 
 def from_arrays(arrays: Arrays, env: Env) -> Trajectory:
     """Make trajectories [N, T, …] of checked arrays by name, filling missing ones as `load` says."""
     number, steps = arrays["obs"].shape[:2]
     ones, zeros, undefined = (np.full((number, steps), value) for value in (1.0, 0.0, np.nan))
-    kind = jnp.int32 if isinstance(env.action_space, Discrete) else jnp.float32
+    kind = np.int32 if isinstance(env.action_space, Discrete) else np.float32
     return Trajectory(
-        obs=jnp.asarray(arrays["obs"], jnp.float32),
-        action=jnp.asarray(arrays["action"], kind),
+        obs=jnp.asarray(np.asarray(arrays["obs"], np.float32)),
+        action=jnp.asarray(np.asarray(arrays["action"], kind)),
         log_prob=jnp.asarray(zeros, jnp.float32),
         value=jnp.asarray(zeros, jnp.float32),
         reward=jnp.asarray(arrays.get("reward", undefined), jnp.float32),

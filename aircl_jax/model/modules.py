@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
+import distrax
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PRNGKeyArray
 
 from envs import Box, Discrete
 
@@ -59,7 +60,7 @@ class AdditiveNet(nn.Module):
 
 
 class Policy(nn.Module):
-    """π_ω(·|s): a categorical, or a Gaussian with a state-independent log σ that the environment's box clips."""
+    """π_ω(·|s): a categorical, or a Gaussian, in half-widths of the box that clips it, with a state-independent log σ."""
 
     action_space: Discrete | Box
     hidden: Sequence[int]
@@ -71,6 +72,36 @@ class Policy(nn.Module):
         if isinstance(self.action_space, Box):
             self.param("log_std", nn.initializers.constant(self.log_std_init), (self.action_space.size,))
         return head
+
+
+class BoxGaussian(distrax.Distribution):
+    """A Gaussian over actions in the box's unit, whose density is per half-width: no unit of the action changes it."""
+
+    def __init__(self, in_half_widths: distrax.MultivariateNormalDiag, box: Box) -> None:
+        super().__init__()
+        self.in_half_widths, self.box = in_half_widths, box
+
+    @property
+    def event_shape(self) -> tuple[int, ...]:
+        return self.box.shape
+
+    def _sample_n(self, key: PRNGKeyArray, n: int) -> Float[Array, "K A"]:
+        return self.box.from_half_widths(jnp.asarray(self.in_half_widths._sample_n(key, n)))
+
+    def log_prob(self, value: Float[Array, "*N A"]) -> Float[Array, "*N"]:
+        return jnp.asarray(self.in_half_widths.log_prob(self.box.in_half_widths(value)))
+
+    def entropy(self) -> Float[Array, ""]:
+        return jnp.asarray(self.in_half_widths.entropy())
+
+    def mean(self) -> Float[Array, " A"]:
+        return self.box.from_half_widths(jnp.asarray(self.in_half_widths.mean()))
+
+    def mode(self) -> Float[Array, " A"]:
+        return self.mean()
+
+    def stddev(self) -> Float[Array, " A"]:
+        return self.box.half_width * jnp.asarray(self.in_half_widths.stddev())
 
 
 class Table(nn.Module):

@@ -11,14 +11,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.methods import Method
-from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, LinearEncoder, Policy, Table
+from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, BoxGaussian, LinearEncoder, Policy, Table
 from aircl_jax.model.moves import expected_moves
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import FeasibilityScores, ObsStats, Params, Scores, Thresholds, Trajectory
 from envs import Discrete, Env
 
 OBS_CLIP = 8.0  # bound of the normalised observation, in standard deviations
-STD_FLOOR = 1e-3  # of a coordinate that the demonstrations never move
+STD_FLOOR = 1e-18  # below it the square is none in single precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,8 @@ class BoundNetworks:
             head = head + obs @ self.params.entry_price
         if isinstance(self.env.action_space, Discrete):
             return distrax.Categorical(logits=head)
-        return distrax.MultivariateNormalDiag(head, jnp.exp(self.params.policy["params"]["log_std"]))
+        gaussian = distrax.MultivariateNormalDiag(head, jnp.exp(self.params.policy["params"]["log_std"]))
+        return gaussian if self.env.action_space.is_unit else BoxGaussian(gaussian, self.env.action_space)
 
     def value(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, ""]:
         """V(s_t)."""

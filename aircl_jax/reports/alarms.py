@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from aircl_jax.settings.env_defaults import has_own_settings
+from envs import Env
 
 
 class Alarm(NamedTuple):
@@ -27,11 +28,11 @@ ALARMS = (
 )
 
 
-def untuned(env_name: str) -> list[str]:
+def untuned(env: Env) -> list[str]:
     """One sentence where an environment has no settings of its own; none where it has."""
-    if has_own_settings(env_name):
+    if has_own_settings(env):
         return []
-    return [f"env={env_name} runs with untuned settings: what `config` does not name is the default of TrainConfig."]
+    return [f"env={env.name} runs with untuned settings: what `config` does not name is the default of TrainConfig."]
 
 
 def alarms(seeds: Sequence[int], metrics: Mapping[str, Mapping[str, Sequence[float | None]]]) -> list[str]:

@@ -37,8 +37,8 @@ def paragraphs(*parts: str) -> str:
 
 
 def _cell(item: object) -> str:
-    """A bar within a cell would end it."""
-    return str(item).replace("|", "\\|")
+    """A bar or a new line within a cell would end it, and a pair of dollars be a formula."""
+    return " ".join(str(item).splitlines()).replace("|", "\\|").replace("$", "\\$")
 
 
 def _joined(cells: Sequence[str]) -> str:

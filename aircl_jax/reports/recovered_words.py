@@ -47,6 +47,8 @@ def _beginnings(recovered: Recovered, names: Sequence[str]) -> str:
     reward, begun = beginning(recovered), changes(recovered.seen).sum(axis=0)
     going_on = recovered.reward[:, np.arange(len(names)), np.arange(len(names))]
     shown = np.flatnonzero(begun >= LEAST_SEEN)
+    if not len(shown):
+        return f"**What they go for.** No activity begins {LEAST_SEEN} times or more in the recordings, so that none is ranked."
     order = shown[np.argsort(-reward[:, shown].mean(axis=0))]
     rows = [
         (rank, names[code], _spread(reward[:, code]), _spread(going_on[:, code]), begun[code])
@@ -65,6 +67,8 @@ def _beginnings(recovered: Recovered, names: Sequence[str]) -> str:
 
 def _rewarding(recovered: Recovered, names: Sequence[str], number: int) -> str:
     ranked, leaving = rewarding(recovered), changes(recovered.seen).sum(axis=1)
+    if not ranked:
+        return f"**What they change to.** No change was seen {LEAST_SEEN} times or more, so that none is ranked."
     values = np.stack([recovered.reward[:, source, target] for source, target in ranked], axis=1)
     rows = [
         (
@@ -114,7 +118,8 @@ def _agreement(values: Float[np.ndarray, "S K"], what: str) -> str:
     """Say in a sentence how far the seeds rank alike."""
     found = rank_agreement(values)
     if not len(found) or not np.isfinite(found).all():
-        return "One seed alone: how stable the order is, is unknown."
+        few = "One seed alone" if len(values) < 2 else f"Too few {what}" if values.shape[1] < 2 else "Equal values"
+        return f"{few}: how stable the order is, is unknown."
     least = f"{found.mean():.2f} on average, {found.min():.2f} at worst"
     return f"Over {len(values)} seeds the order of these {values.shape[1]} {what} agrees by a rank correlation of {least}."
 

@@ -26,15 +26,21 @@ def seed_table(summary: Mapping[str, Any]) -> str:
 
 
 def report(
-    summary: Mapping[str, Any], alarms: Sequence[str], figures: Sequence[tuple[Path, str]], command: str, reading: str = ""
+    summary: Mapping[str, Any],
+    alarms: Sequence[str],
+    figures: Sequence[tuple[Path, str]],
+    command: str,
+    reading: str = "",
+    account: Sequence[str] = (),
 ) -> str:
-    """Write report.md: command, alarms, figures, plain words, measures, every seed, and what to try next."""
+    """Write report.md: command, alarms, the tables read, figures, plain words, measures, every seed, and what to try next."""
     return markdown.paragraphs(
         f"# {summary['method']} on {summary['env']}",
         f"`{command}`" if command else "Trained from Python.",
         _effort(summary),
         "## Alarms",
         markdown.bullets(map(_sentence, alarms)) or "None rang.",
+        *(["## What was read", markdown.bullets(map(_sentence, account))] if account else []),
         "## Figures",
         *(f"![{path.stem}]({FIGURES}/{path.name})\n\n{caption}" for path, caption in figures),
         *(["## In plain words", reading] if reading else []),

@@ -32,6 +32,15 @@ class StartRecorder(Protocol):
         ...
 
 
+@runtime_checkable
+class DataRecorder(Protocol):
+    """A recorder whose `on_data` is called before training where demonstrations are recorded."""
+
+    def on_data(self, account: Sequence[str], warnings: Sequence[str]) -> None:
+        """Note what was read and what was left out of it, and what to know of it before training."""
+        ...
+
+
 @dataclass
 class Memory:
     """Keep rows and timing of a run without a directory."""

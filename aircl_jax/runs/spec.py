@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from aircl_jax.algorithm.terms.table import check_method
 from aircl_jax.demonstrations import files
 from aircl_jax.demonstrations.sources import REFERENCE_SEED
 from aircl_jax.methods import Method, get_method
 from aircl_jax.settings.checks import check_config
-from aircl_jax.settings.env_defaults import CORRECTED, default_config, default_method
+from aircl_jax.settings.env_defaults import CORRECTED, config_of, default_method
 from aircl_jax.settings.renamed import refuse_old_names, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
@@ -86,11 +87,12 @@ def make_spec(
     world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
     check_env(world)
     if method == "default":
-        method = CORRECTED if isinstance(env, Env) else default_method(env)
+        method = default_method(world.name) if world.registered else CORRECTED
     row = get_method(method, contrast_prior)
+    check_method(method, row)
     if not isinstance(config, TrainConfig):
         refuse_old_names(config, "train")
-        config = updated(default_config(world.name, row.settings), config, "train")
+        config = updated(config_of(world, row.settings), config, "train")
     if iterations != "default":
         config = replace(config, iterations=at_least("iterations", iterations, 1))
     check_config(config, "train")
@@ -155,9 +157,10 @@ def _own_demonstrations(demonstrations: str | Path, env: Env) -> tuple[Trajector
     """Read the user's own D_E, and NAME_reference.npz beside it where the environment has no reference set itself."""
     if demonstrations == "default":
         return None, None
-    beside = Path(demonstrations).with_name(f"{Path(demonstrations).stem}_reference.npz")
+    own, path = files.load(demonstrations, env), Path(demonstrations)
+    beside = path.parent / f"{path.stem}_reference.npz"
     scored = env.expert is None and beside.is_file()
-    return files.load(demonstrations, env), files.load(beside, env) if scored else None
+    return own, files.load(beside, env) if scored else None
 
 
 def _read_for(env: Env, own: Trajectory | None, reference: Trajectory | None) -> list[Trajectory]:

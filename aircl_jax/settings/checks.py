@@ -1,8 +1,12 @@
 """Settings that cannot work are refused before anything is computed: one line that names the setting and the choices."""
 
 import math
+import os
 from dataclasses import fields, is_dataclass
 from typing import Any
+
+import jax
+import jax.numpy as jnp
 
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs.settings import at_least
@@ -11,6 +15,17 @@ SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms
 COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "feasibility_delay", "lr_decay_iterations")
 POSITIVE = ("sharpness", "threshold", "ratio_clip", "reward_scatter", "pseudo_count")  # numbers of which 0 is none
 BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max")  # numbers of either sign
+
+
+def check_jax() -> None:
+    """Raise ValueError where jax is told to compute in double precision, or on devices that are not there."""
+    if jnp.result_type(float) == jnp.float64:
+        raise ValueError("JAX_ENABLE_X64=1 is set, and runs are of single precision; unset it, or choose 0")
+    try:
+        jax.devices()
+    except (RuntimeError, AssertionError) as error:  # the latter of a platform that jax knows and has no plugin for
+        asked, reason = os.environ.get("JAX_PLATFORMS", ""), (str(error) or "there is no such device").splitlines()[0]
+        raise ValueError(f"JAX_PLATFORMS={asked}: {reason}; choose cpu, or unset it") from error
 
 
 def check_config(config: Any, prefix: str) -> None:

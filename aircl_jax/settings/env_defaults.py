@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 from typing import Any, Literal
 
 from aircl_jax.settings.train_config import AdversaryConfig, Coefficients, PPOConfig, TrainConfig
-from envs import ENVS
+from envs import ENVS, Env
 from envs.settings import flatten
 
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
@@ -152,14 +152,19 @@ def default_method(env_name: str) -> str:
     return DEFAULT_METHODS.get(env_name, CORRECTED)
 
 
-def has_own_settings(env_name: str) -> bool:
-    """Whether an environment is in the tables; any other runs with the defaults of TrainConfig."""
-    return env_name in PAPER and env_name in TUNED
+def has_own_settings(env: Env) -> bool:
+    """Whether an environment of the registry is in the tables; any other runs with the defaults of TrainConfig."""
+    return env.registered and env.name in PAPER and env.name in TUNED
 
 
 def default_config(env_name: str, settings: Literal["paper", "tuned", "contrast"]) -> TrainConfig:
     """The settings of an environment for the paper's rows or for ours; those of TrainConfig where it is not in the table."""
     return {"paper": PAPER, "tuned": TUNED, "contrast": CONTRAST}[settings].get(env_name, TrainConfig())
+
+
+def config_of(env: Env, settings: Literal["paper", "tuned"]) -> TrainConfig:
+    """The settings of an environment; an Env of one's own takes none by its name."""
+    return default_config(env.name, settings) if env.registered else TrainConfig()
 
 
 def unnamed_settings(env_name: str) -> dict[str, Any]:

@@ -88,7 +88,7 @@ def swap(
         if bound_by == NONE
         else _part(bound_by, objectives.world_cost, lambda: objectives.learned_cost(result, seeds))
     )
-    settings = config or learner_config(world.name, constrained=constraint != NONE)
+    settings = config or learner_config(world.name if world.registered else "", constrained=constraint != NONE)
     return recombine(
         world, objectives.objective(paid, cost), range(first_seed, first_seed + seeds), settings, constraint != NONE
     )

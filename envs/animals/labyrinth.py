@@ -4,6 +4,7 @@ The tables are `emissions.npy` [recordings, steps, 2] = (node, action) and `tran
 packed by BRAINML-GT/SWIRL from the recordings of Rosenberg et al. 2021.
 """
 
+import hashlib
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -15,6 +16,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from scipy.special import logsumexp
 
 from envs.animals.data_folder import data_folder
+from envs.animals.tables import read_bytes
 from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.options import LabyrinthOptions
 from envs.views import Maze
@@ -26,6 +28,7 @@ NUM_ACTIONS = 4
 HOME = 0  # the entrance from the home cage; Rosenberg et al. 2021
 WATER_PORT = 116  # Rosenberg et al. 2021
 FOLDS = 10
+NAMES = ("emissions.npy", "trans_probs.npy")
 
 # The simulated maze. Its actions: left child, right child, parent, stay.
 SIMULATED_WATER_REWARD = 1.5  # of arriving at the water port
@@ -55,20 +58,22 @@ class Mice(NamedTuple):
 
 def load(options: LabyrinthOptions) -> Mice:
     """Load the recordings, or simulate them. Raises ValueError, in one line with the file, for an array of another form."""
-    mice = _load(data_folder(options.data, "labyrinth"))
+    folder = data_folder(options.data, "labyrinth")
+    files = () if folder is None else tuple(_file(folder, name) for name in NAMES)
+    mice = _load(files, tuple(hashlib.sha256(read_bytes(file)).hexdigest() for file in files))
     if not 1 <= options.horizon <= mice.node.shape[1]:
         raise ValueError(f"env.horizon={options.horizon}: recordings have {mice.node.shape[1]} steps; choose 1 to that")
     return mice
 
 
 @lru_cache(maxsize=2)
-def _load(folder: Path | None) -> Mice:
-    return _simulated(0, constrained=True) if folder is None else _read(folder)
+def _load(files: tuple[Path, ...], digests: tuple[str, ...]) -> Mice:
+    """Load by content: an edited file is read again."""
+    return _read(*files) if files else _simulated(0, constrained=True)
 
 
-def _read(folder: Path) -> Mice:
-    emissions, probability = (_array(folder, name) for name in ("emissions.npy", "trans_probs.npy"))
-    file = folder / "emissions.npy"
+def _read(file: Path, of_dynamics: Path) -> Mice:
+    emissions, probability = _array(file), _array(of_dynamics)
     if emissions.ndim != 3 or emissions.shape[2] != 2 or emissions.dtype.kind not in "iu":
         raise ValueError(f"{file}: integers [recordings, steps, 2] are needed, not {emissions.dtype} {emissions.shape}")
     node, action = emissions[..., 0].astype(np.int64), emissions[..., 1].astype(np.int64)
@@ -76,7 +81,7 @@ def _read(folder: Path) -> Mice:
         if values.min() < 0 or values.max() >= size:
             raise ValueError(f"{file}: {name} runs from {values.min()} to {values.max()}; choose 0 to {size - 1}")
     if probability.shape != (NUM_NODES, NUM_ACTIONS, NUM_NODES) or not np.isin(probability, (0, 1)).all():
-        raise ValueError(f"{folder / 'trans_probs.npy'}: zeros and ones [127, 4, 127] are needed, one 1 for each pair")
+        raise ValueError(f"{of_dynamics}: zeros and ones [127, 4, 127] are needed, one 1 for each pair")
     successor = probability.argmax(axis=2)
     wrong = np.argwhere(successor[node[:, :-1], action[:, :-1]] != node[:, 1:])
     if len(wrong):
@@ -85,14 +90,18 @@ def _read(folder: Path) -> Mice:
     return Mice(node, action, successor, np.full(successor.shape, np.nan), np.full(NUM_NODES, np.nan), simulated=False)
 
 
-def _array(folder: Path, name: str) -> np.ndarray:
+def _file(folder: Path, name: str) -> Path:
     files = sorted(folder.rglob(name))
     if not files:
         raise ValueError(f"{folder}: no {name} in or below it")
+    return files[0]
+
+
+def _array(file: Path) -> np.ndarray:
     try:
-        return np.load(files[0], allow_pickle=False)
+        return np.load(file, allow_pickle=False)
     except (OSError, ValueError, EOFError):
-        raise ValueError(f"{files[0]}: no whole .npy file of numbers") from None
+        raise ValueError(f"{file}: no whole .npy file of numbers") from None
 
 
 def _tree() -> Int[np.ndarray, "X A"]:

@@ -5,19 +5,16 @@ has obs one_hot(c_t) and action c_{t+1}, so that a window of T steps needs T + 1
 """
 
 from collections.abc import Callable
-from functools import lru_cache
-from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from envs.animals import simulated_meerkats
-from envs.animals.columns import ColumnMapping, load_mapping
 from envs.animals.data_folder import data_folder
-from envs.animals.tracks import Tracks, read_folder
+from envs.animals.herd import Herd, load
 from envs.animals.windows import Windows, code_rows, cut_windows
 from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.options import MeerkatOptions
@@ -29,54 +26,6 @@ Transition = Callable[[PRNGKeyArray, Int[Array, ""], Int[Array, ""]], tuple[Int[
 MOST_NEIGHBOURS = 3  # larger counts are cut to this, which keeps the states of env.state=place few
 BACK_OFF = 1.0  # weight of P(x'|x) beside the rows seen in (x, a), in rows
 REFERENCE_SEED = 1  # seed of the simulated meerkats without their constraint
-
-
-class Herd(NamedTuple):
-    """The windows of one data set; `truth` is None for real animals."""
-
-    windows: Windows
-    truth: simulated_meerkats.Truth | None
-    impossible: Bool[np.ndarray, "C C"]  # [from code, to code] that cameras and coding rule out
-
-
-def load(options: MeerkatOptions) -> Herd:
-    """Read, validate, code and cut the tables, or simulate them.
-
-    Raises ValueError as `envs.animals.tracks` does, and for a bad setting.
-    """
-    if options.horizon < 1:
-        raise ValueError(f"env.horizon={options.horizon}: an episode needs at least 1 step")
-    folder = data_folder(options.data, "meerkat")
-    if folder is None and options.mapping != MeerkatOptions.mapping:
-        raise ValueError(f"env.mapping={options.mapping} has no tables to read; give env.data=DIR, or set AIRCL_DATA")
-    return _load(options, folder)
-
-
-@lru_cache(maxsize=2)
-def _tracks(folder: Path | None, name: str) -> tuple[Tracks, ColumnMapping]:
-    if folder is None:
-        return simulated_meerkats.simulated_tracks(), simulated_meerkats.MAPPING
-    mapping = load_mapping(name)
-    return read_folder(folder, mapping), mapping
-
-
-@lru_cache(maxsize=8)
-def _load(options: MeerkatOptions, folder: Path | None) -> Herd:
-    tracks, mapping = _tracks(folder, options.mapping)
-    windows = cut_windows(code_rows(tracks, mapping, options.coding, options.pups), tracks, options.horizon)
-    known = folder is None and options.coding == "bout" and not options.pups and options.state == "code"
-    truth = simulated_meerkats.truth() if known else None
-    return Herd(windows, truth, _impossible(windows, mapping, options) if truth is None else truth.structural)
-
-
-def _impossible(windows: Windows, mapping: ColumnMapping, options: MeerkatOptions) -> Bool[np.ndarray, "C C"]:
-    """Mark impossible pairs of codes: those that no camera sees together, and two moves in a row, which are one bout."""
-    size, sites = len(windows.names), np.unique(windows.site)
-    seen = np.array([np.isin(np.arange(size), windows.code[windows.site == site]) for site in sites])
-    together = (seen[:, :, None] & seen[:, None, :]).any(axis=0)
-    moves = np.array([name == mapping.moving or name.startswith("moving to ") for name in windows.names])
-    two_moves = np.outer(moves, moves) & ~np.eye(size, dtype=bool) if options.coding == "bout" else np.zeros_like(together)
-    return ~together | two_moves
 
 
 def make_meerkat(options: MeerkatOptions) -> Env:
@@ -103,6 +52,8 @@ def make_meerkat(options: MeerkatOptions) -> Env:
             demonstrations=lambda: demonstrations(options, options.split),
             reference=(lambda: reference_set(options)) if herd.truth is not None else None,
             simulated=data_folder(options.data, "meerkat") is None,
+            account=herd.account.lines,
+            warnings=herd.account.warnings,
         ),
         view=Codes(herd.windows.names, herd.impossible) if options.state == "code" else Coordinates(),
     )

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from envs.animals.columns import ColumnMapping
-from envs.animals.tracks import Tracks
+from envs.animals.spacing import one_step
+from envs.animals.tracks import Tracks, new_track
 
 Coding = Literal["bout", "step"]
 
@@ -66,10 +67,17 @@ def code_rows(tracks: Tracks, mapping: ColumnMapping, coding: Coding = "bout", o
     With `bout`, a whole run of moving that ends in another place becomes moving to that place. The end is the place of the
     first row after the run, or of its last row at the end of its segment. Other moving stays plain. With `step`, only the
     row before the place changes becomes moving to the new place.
+
+    Raises ValueError where no row is of the groups in use, and where the behaviour that moves is none of the rows'.
     """
     others = np.isin(tracks.group, mapping.other_groups) if mapping.other_groups else np.zeros(len(tracks.time), dtype=bool)
     rows = tracks if other_groups else tracks.take(~others)
-    behaviours = mapping.behaviours or _by_share(tracks.behaviour[~others])
+    annotated = ~others | (tracks.behaviour != mapping.no_behaviour) if other_groups else ~others
+    if not annotated.any():
+        raise ValueError(f"all {len(others)} rows are of other_groups, {', '.join(mapping.other_groups)}; choose other groups")
+    behaviours = mapping.behaviours or _by_share(tracks.behaviour[annotated])
+    if mapping.moving and mapping.moving not in behaviours:
+        raise ValueError(f"moving: {mapping.moving!r} is no behaviour of the tables; choose from {', '.join(behaviours)}")
     places = mapping.places or tuple(sorted(set(tracks.place.tolist()) - {""}))
     names = behaviours + (tuple(f"moving to {place}" for place in places) if mapping.moving else ())
     index = {name: code for code, name in enumerate(behaviours)}
@@ -79,9 +87,7 @@ def code_rows(tracks: Tracks, mapping: ColumnMapping, coding: Coding = "bout", o
     place_index = {name: code for code, name in enumerate(places)}
     behaviour = np.array([index[name] for name in rows.behaviour.tolist()])
     place = np.array([place_index.get(name, STAYS) for name in rows.place.tolist()])
-    new_track = (rows.recording[1:] != rows.recording[:-1]) | (rows.individual[1:] != rows.individual[:-1])
-    gap = ~np.isclose(np.diff(rows.time), mapping.step)
-    segment = np.append(0, np.cumsum(new_track | gap))
+    segment = np.append(0, np.cumsum(new_track(rows) | ~one_step(rows.time, mapping.step)))
     target = _TARGETS[coding](behaviour, place, segment) if mapping.moving else np.full(len(behaviour), STAYS)
     moving_there = (behaviour == index.get(mapping.moving, STAYS)) & (target != STAYS)
     return Coded(rows, segment, np.where(moving_there, len(behaviours) + target, behaviour), place, names, places)

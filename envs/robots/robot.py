@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from envs.base import Env, Limit, Step
+from envs.checks import check_predicate
 from envs.options import RobotOptions
 from envs.robots.bodies import Body
 from envs.robots.constraints import Constraint, find_constraint, limit_of, never
@@ -56,6 +57,12 @@ def _make(name: str, options: RobotOptions) -> Env:
     physics = ENGINES[options.engine](model, body, options.integrator)
     dt = float(model.opt.timestep) * body.frame_skip
     rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
+    check_predicate(
+        f"constraint {options.constraint!r} of {name}",
+        lambda qpos, action: constraint.violated(qpos, action, limit),
+        rest.qpos,
+        jax.ShapeDtypeStruct(box.shape, jnp.float32),
+    )
     hidden = model.nq + model.nv - task.observe(rest).size  # joints whose position is not observed, the first ones
 
     def reset(key: PRNGKeyArray) -> tuple[RobotState, Float[Array, " O"]]:

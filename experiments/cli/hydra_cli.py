@@ -19,6 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 from aircl_jax.settings.renamed import old_name
 from experiments.cli import hydra_settings
 from experiments.cli.command import BAD_INPUT, DONE, complain, interrupted
+from experiments.cli.words import unreadable
 
 
 class Composed(NamedTuple):
@@ -82,7 +83,7 @@ def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
         env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), "gridworld")
         return f"unknown setting {key}; choose from {', '.join(hydra_settings.choices(key.rpartition('.')[0], env))}"
     if isinstance(error, OverrideParseException):
-        return f"cannot read {error.override!r}; write NAME=VALUE, and quote what the shell or a list would take apart"
+        return unreadable(str(error.override))
     if "Config group override" in str(error):  # a number where a name is needed
         group, name = next((arg.partition("=")[::2] for arg in argv if re.match(r"\w+=-?[\d.]+$", arg)), ("name", ""))
         return f"unknown {group} {name!r}; choose from {', '.join(hydra_settings.GROUPS.get(group, []))}"

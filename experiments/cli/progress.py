@@ -23,15 +23,20 @@ class Reporter:
 
     def __init__(self, headline: str) -> None:
         self.headline = headline
+        self.data: list[str] = []  # what was read, where something was
         self.iterations = 0
         self.first_chunk: int | None = None  # iteration at which the first chunk ended
         self.steps = self.seconds = 0.0  # sums over the later chunks, without compiling
         self.bar: tqdm | None = None
         self.last_line = float("-inf")
 
+    def on_data(self, account: Sequence[str], warnings: Sequence[str]) -> None:
+        self.data = [*account, *(f"warning: {warning}" for warning in warnings)]
+
     def on_start(self, iteration: int, iterations: int) -> None:
         self.iterations = iterations
         print(self.headline)
+        print(*(f"  {line}\n" for line in self.data), sep="", end="")
         print("compiling; the first start takes the longest, later ones use the cache", flush=True)
         if sys.stdout.isatty():
             form = "{n_fmt}/{total_fmt} |{bar}| {desc}"

@@ -1,15 +1,18 @@
 """Read the NAME=VALUE words of commands without Hydra; a dataclass of settings gives their types and choices."""
 
+import re
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 import yaml
 
 from envs.settings import at_least, updated
 
 T = TypeVar("T")
+_WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 SEEDS = 10  # number of seeds of every result of this project
 
 
@@ -22,12 +25,34 @@ def parse(words: Sequence[str], default: T, about: str | None) -> T:
         print(about)
         raise SystemExit(0)
     overrides: dict[str, Any] = {}
+    texts = {name for name, kind in get_type_hints(type(default)).items() if kind is str}
     for word in words:
-        name, equals, value = word.partition("=")
+        name, equals, text = word.partition("=")
         if not equals:
             raise ValueError(f"cannot read {word!r}; write NAME=VALUE")
-        overrides[name] = yaml.safe_load(value)
+        overrides[name] = text if name in texts else _value(word, text)
     return updated(default, overrides)
+
+
+def _value(word: str, text: str) -> Any:
+    """Read true, false, a number, or a list or group as YAML writes them; anything else is a text."""
+    if _WHOLE.fullmatch(text):
+        return int(text)
+    if _NUMBER.fullmatch(text):
+        return float(text)
+    try:
+        return yaml.safe_load(text) if text[:1] in tuple("[{") else {"true": True, "false": False}.get(text.lower(), text)
+    except (yaml.YAMLError, ValueError, RecursionError):
+        raise ValueError(unreadable(word)) from None
+
+
+def unreadable(word: str) -> str:
+    """Say that a word cannot be read, and how to quote its value."""
+    name, equals, value = word.partition("=")
+    if not equals:
+        return f"cannot read {word!r}; write NAME=VALUE"
+    escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+    return f"cannot read {word!r}; quote a value with signs in it, as in '{name}=\"{escaped}\"'"
 
 
 def listed(name: str, words: str, known: Sequence[str]) -> tuple[str, ...]:

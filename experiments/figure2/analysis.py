@@ -54,7 +54,7 @@ def read(settings: Settings) -> Study:
     for column in ("place", "coordinates"):
         if column not in mapping.columns:
             raise ValueError(f"mapping={settings.mapping} has no {column}; the figures need place and coordinates")
-    tracks = simulated_meerkats.simulated_tracks() if folder is None else read_folder(folder, mapping)
+    tracks = simulated_meerkats.simulated_tracks() if folder is None else read_folder(folder, mapping).tracks
     tracks = tracks._replace(position=tracks.position / mapping.coordinate_scale)
     coded = code_rows(tracks, mapping, settings.coding)
     return Study(mapping, coded, transitions(coded), cut_windows(coded, tracks).report, simulated=folder is None)

@@ -100,3 +100,13 @@ def test_reward_of_arriving_is_over_the_moves_to_a_node_and_not_over_staying():
     values = np.array([[[5.0, 9.0], [7.0, 9.0]]])
     np.testing.assert_allclose(maze.arriving(values, world, np.array([[1, 1], [1, 1]])), [[7.0, 5.0]])
     assert np.isnan(maze.arriving(values, world, np.array([[0, 1], [1, 1]]))[0, 1])
+
+
+def test_nothing_that_was_seen_too_rarely_is_ranked_in_words_or_figures():
+    rarely = recovered()._replace(seen=np.array([[50, 2, 0], [1, 30, 1], [1, 0, 20]]))
+    words = in_words(rarely, CODES)
+    assert "No activity begins 5 times or more" in words
+    assert "No change was seen 5 times or more" in words
+    assert [drawing.name for drawing in codes.draw(rarely, CODES, "")] == ["reward_by_change", "feasibility_by_change"]
+    never = rarely._replace(seen=np.diag([50, 30, 20]))
+    assert [drawing.name for drawing in codes.draw(never, CODES, "")] == ["feasibility_by_change"]

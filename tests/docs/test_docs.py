@@ -21,7 +21,10 @@ PAGES = (
     "CONTRIBUTING.md",
     *(
         f"docs/{page}.md"
-        for page in ("guide", "results", "animals", "equations", "experts", "physics", "learner", "research", "swap")
+        for page in (
+            *("guide", "results", "animals", "equations", "experts", "physics", "learner"),
+            *("research", "robustness", "swap"),
+        )
     ),
 )
 

@@ -112,7 +112,8 @@ def test_malformed_arrays_are_refused_with_the_file(tmp_path, arrays, words):
 
 
 def test_a_broken_file_and_a_long_horizon_are_refused(tmp_path):
-    (tmp_path / "emissions.npy").write_bytes(b"not numpy")
+    for name in ("emissions.npy", "trans_probs.npy"):
+        (tmp_path / name).write_bytes(b"not numpy")
     with pytest.raises(ValueError, match="file of numbers"):
         make_env("labyrinth", data=str(tmp_path))
     with pytest.raises(ValueError, match=r"env\.horizon=501: recordings have 500 steps"):

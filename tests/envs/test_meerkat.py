@@ -122,7 +122,7 @@ def test_the_simulated_mob_written_as_tables_is_read_back_the_same(tmp_path):
     tracks = simulated_meerkats.simulated_tracks()
     one = tracks.take(np.flatnonzero(tracks.recording == "simulated_C3_01"))
     write_tables(one, tmp_path)
-    read = read_folder(tmp_path, load_mapping("meerkat"))
+    read = read_folder(tmp_path, load_mapping("meerkat")).tracks
     for written, found in zip(one, read, strict=True):
         np.testing.assert_array_equal(written, found)
 

@@ -31,6 +31,51 @@ def test_a_wrong_setting_is_one_line_and_2_and_nothing_is_done(words, said, caps
     assert printed.err.count("\n") == 1 and printed.out == ""
 
 
+@dataclass(frozen=True)
+class Words:
+    number: int = 3
+    share: float = 0.5
+    name: str = "a"
+    on: bool = False
+    sizes: tuple[int, ...] = ()
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [
+        ("number=010", 10),
+        ("number=-2", -2),
+        ("share=1e-3", 0.001),
+        ("share=2", 2.0),
+        ("name=2024-01-01", "2024-01-01"),
+        ("name=no", "no"),
+        ("name=[", "["),
+        ("on=True", True),
+        ("sizes=[3, 4]", (3, 4)),
+    ],
+)
+def test_a_word_is_read_as_it_is_written(word, value):
+    seen = []
+    assert run_command(lambda settings, _: seen.append(settings), [word], Words(), None) == 0
+    assert getattr(seen[0], word.partition("=")[0]) == value
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("number=1:30", "number=1:30 is not an integer"),
+        ("number=0x10", "number=0x10 is not an integer"),
+        ("number=1_0", "number=1_0 is not an integer"),
+        ("on=yes", "on=yes is not true or false"),
+        ("sizes=[", "cannot read 'sizes=['; quote a value with signs in it, as in 'sizes=\"[\"'"),
+        ("sizes", "cannot read 'sizes'; write NAME=VALUE"),
+    ],
+)
+def test_a_word_that_yaml_would_read_as_another_is_refused_with_the_cure(word, said, capsys):
+    assert run_command(lambda *_: pytest.fail("it was run"), [word], Words(), None) == 2
+    assert said in capsys.readouterr().err
+
+
 def test_what_a_task_refuses_is_one_line_too(capsys):
     def refuse(*_: object) -> None:
         raise ValueError("there is\nno such file")

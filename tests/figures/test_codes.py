@@ -141,3 +141,11 @@ def test_a_maze_of_a_method_without_a_feasibility_has_two_panels():
     drawing = maze.maze_map(Recovered(WORTH, np.full(WORTH.shape, np.nan), WORTH, GOING), MAZE, "mice")
     labels = [axis.get_xlabel() for axis in drawing.figure.axes if axis.get_xlabel()]
     assert labels == ["reward of arriving", "steps recorded there"]
+
+
+def test_labels_of_the_data_are_drawn_as_they_are_and_no_formula_is_read_in_them(tmp_path):
+    names = (r"walk $\frac$", "rest | sleep", "a $ b")
+    for drawing in codes.draw(RECOVERED, Codes(names, CODES.impossible), ""):
+        drawing.figure.savefig(tmp_path / "it.png", dpi=20)
+    axis = codes.ranked_activities(RECOVERED, Codes(names, CODES.impossible), "").figure.axes[0]
+    assert [label.get_text() for label in axis.get_yticklabels()][1] == r"walk \$\frac\$ (22)"  # how a dollar is written

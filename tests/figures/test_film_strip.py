@@ -169,3 +169,11 @@ def test_the_view_follows_a_body_that_goes_farther_than_three_of_its_widths():
     assert not packed()["follow"]  # 2.3 m, of a body of 1 m
     far = SCENE.learned._replace(links=SCENE.learned.links * np.array([1.0, 1.0]) + 0.1 * np.arange(STEPS)[:, None, None, None])
     assert player._is_followed((SCENE.expert, far))  # 4.6 m
+
+
+def test_a_title_that_looks_like_a_script_leaves_the_page_whole():
+    title = "<!--<script> {{DATA}} </script>"
+    found = re.search(r'type="application/json">(.*?)</script>\s*<script>', player.page(SCENE._replace(title=title)), re.DOTALL)
+    assert found is not None
+    assert json.loads(found[1])["title"] == title
+    assert "<" not in found[1]

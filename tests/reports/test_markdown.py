@@ -34,3 +34,7 @@ def test_a_row_of_another_length_is_refused(cells):
 
 def test_lists_and_paragraphs():
     assert paragraphs("# A", bullets(["one", "two"])) == "# A\n\n- one\n- two\n"
+
+
+def test_a_line_break_does_not_end_a_cell_and_dollars_are_no_formula():
+    assert row(("two\nlines", r"$\frac$")) == r"| two lines | \$\frac\$ |"

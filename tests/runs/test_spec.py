@@ -1,18 +1,23 @@
 """What a run is made of: its settings are enough to make it again, or it says that they are not."""
 
+from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import envs
-from aircl_jax import Result, train
+from aircl_jax import METHODS, Result, train
 from aircl_jax.runs.spec import make_spec, read_spec
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs import make_env
 from envs.robots.factors import SwimmerBody, SwimmerMotors
+from envs.settings import at_least
 
 GIVEN = {"contrast_prior": "method", "seeds": 1, "first_seed": 0, "iterations": 2, "demonstrations": "default"}
 SIMULATED = {"data": "simulated"}
@@ -97,3 +102,43 @@ def test_a_method_without_a_learned_reward_has_none_to_ask_for(method):
 def test_a_configuration_that_cannot_work_is_refused(config, words):
     with pytest.raises(ValueError, match=words):
         make_spec("gridworld", "airl", env_settings={}, config=config, **{**GIVEN, "iterations": "default"})
+
+
+def test_scalars_of_numpy_and_jax_are_the_numbers_that_they_hold():
+    plain = make_spec("gridworld", "airl", env_settings={"slip": 0.5, "start": (1, 0)}, config={"hidden": (8, 8)}, **GIVEN)
+    settings = {"slip": np.float64(0.5), "start": np.array([1, 0])}
+    spec = make_spec("gridworld", "airl", env_settings=settings, config={"hidden": [jnp.asarray(8), np.int32(8)]}, **GIVEN)
+    assert spec.settings == plain.settings
+    for one in (np.int64(1), np.uint8(1), jnp.asarray(1)):
+        assert type(at_least("seeds", one, 1)) is int
+    with pytest.raises(ValueError, match=r"seeds=1\.5 is not an integer"):
+        at_least("seeds", np.float64(1.5), 1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"terms": ("contrast", "decay")},
+            "method=mine: unknown term 'decay'; choose from discriminator, feasibility_gradient",
+        ),
+        ({"feasibility": "steps"}, "method=mine: feasibility='steps'; choose from none, step, sequence, step_sequence"),
+    ],
+)
+def test_a_row_with_an_unknown_term_or_choice_is_refused_before_anything_runs(changes, words, monkeypatch):
+    row = copy(METHODS["airl"])
+    for name, value in changes.items():  # which the tests' type checker does not see
+        object.__setattr__(row, name, value)
+    monkeypatch.setitem(METHODS, "mine", row)
+    with pytest.raises(ValueError, match=words):
+        make_spec("gridworld", "mine", env_settings={}, config={}, **GIVEN)
+
+
+def test_a_world_of_ones_own_runs_with_the_defaults_whatever_it_is_called():
+    own = replace(make_env("gridworld"), name="walker", registered=False)
+    assert make_spec(own, "aircl_corrected", env_settings={}, config={}, **GIVEN).config == TrainConfig(iterations=2)
+
+
+def test_double_precision_is_refused():
+    with jax.enable_x64(True), pytest.raises(ValueError, match="JAX_ENABLE_X64=1 is set, and runs are of single precision"):
+        train("gridworld", "airl")

@@ -139,7 +139,7 @@ def observe(moments: Moments, episodes: Trajectory) -> Moments:
 def stats_of(moments: Moments) -> ObsStats:
     """Return mean and standard deviation so far; 0 and 1 before the first iteration."""
     spread = jnp.sqrt(moments.square / jnp.maximum(moments.number, 1.0))
-    return ObsStats(moments.mean, jnp.where(moments.number > 0, spread, 1.0))
+    return ObsStats.of(moments.mean, jnp.where(moments.number > 0, spread, 1.0))
 
 
 def bound(nets: Networks, state: LagrangianState) -> BoundNetworks:

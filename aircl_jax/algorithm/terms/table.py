@@ -1,6 +1,7 @@
 """List the loss terms, one function per equation; a method's row names those that are summed."""
 
 from collections.abc import Callable
+from typing import Literal, get_args, get_origin, get_type_hints
 
 from jaxtyping import Array, Float
 
@@ -29,3 +30,14 @@ TERMS: dict[str, Term] = {
     "gacl": gacl,
     "icrl": icrl,
 }
+
+
+def check_method(name: str, method: Method) -> None:
+    """Raise ValueError for a row that names an unknown term, or a choice that there is not."""
+    for field, annotation in get_type_hints(Method).items():
+        choices, value = get_args(annotation), getattr(method, field)
+        if get_origin(annotation) is Literal and value not in choices:
+            raise ValueError(f"method={name}: {field}={value!r}; choose from {', '.join(choices)}")
+    for term in method.terms:
+        if term not in TERMS:
+            raise ValueError(f"method={name}: unknown term {term!r}; choose from {', '.join(TERMS)}")

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from scipy.spatial import KDTree
 
 from aircl_jax.figures.animals.transitions import mark_simulated
-from aircl_jax.figures.style import LARGER
+from aircl_jax.figures.style import LARGER, literal
 
 REACH = 1.5  # cells by which a place is drawn beyond the rows that name it
 PLACE_COLOURS = (
@@ -104,7 +104,7 @@ def transition_map(
             for start, end in zip(cases.start.tolist(), cases.end.tolist(), strict=True):
                 axis.annotate("", xy=end, xytext=start, arrowprops=arrow)
             axis.plot(*cases.start.T, "o", ms=2.5, color="black")
-            axis.set_title(cases.title, fontsize=8)
+            axis.set_title(literal(cases.title), fontsize=8)
             _label_ground(axis, ground.unit)
         _place_legend(figure, places, [ground.cameras[cases.site] for cases in transitions])
         mark_simulated(figure, simulated)
@@ -126,14 +126,14 @@ def _ground_axes(ground: Ground, height: float) -> tuple[Figure, Shaped[np.ndarr
     figure = Figure(figsize=(4.6 * len(ground.cameras), height), layout="constrained")
     axes = figure.subplots(1, len(ground.cameras), squeeze=False)[0]
     for axis, site in zip(axes, ground.cameras, strict=True):
-        axis.set_title(f"camera {site}" if site else "all recordings")
+        axis.set_title(f"camera {literal(site)}" if site else "all recordings")
         _label_ground(axis, ground.unit)
     return figure, axes
 
 
 def _label_ground(axis: Axes, unit: str) -> None:
     axis.set_aspect("equal")
-    axis.set_xlabel(f"along the ground\n({unit})")
+    axis.set_xlabel(f"along the ground\n({literal(unit)})")
     axis.set_ylabel("across")
 
 
@@ -143,5 +143,5 @@ def _colour(place: int) -> str:
 
 def _place_legend(figure: Figure, places: Sequence[str], shown_rows: Sequence[Rows]) -> None:
     shown = np.unique(np.concatenate([rows.place for rows in shown_rows])).tolist()
-    handles = [Patch(color=_colour(place), label=places[place]) for place in shown]
+    handles = [Patch(color=_colour(place), label=literal(places[int(place)])) for place in shown]
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from aircl_jax.analysis.transition_distances import Histogram, Pairs
-from aircl_jax.figures.style import DPI, LARGER
+from aircl_jax.figures.style import DPI, LARGER, literal
 
 BLUE, ORANGE, GREY = "#2f6fab", "#d1603d", "#8a8a8a"
 
@@ -32,7 +32,7 @@ def distance_histograms(panels: dict[str, tuple[Histogram, str]], unit: str, sim
             _cumulative(axes[1, column], panel)
             axes[0, column].set_title(title)
             axes[0, column].text(0.98, 0.97, note, ha="right", va="top", transform=axes[0, column].transAxes)
-            axes[1, column].set_xlabel(f"distance between the onsets of two behaviours\n({unit})")
+            axes[1, column].set_xlabel(f"distance between the onsets of two behaviours\n({literal(unit)})")
         axes[0, 0].set_ylabel("transitions")
         axes[1, 0].set_ylabel("cumulative share")
         handles, labels = axes[0, 0].get_legend_handles_labels()
@@ -68,7 +68,7 @@ def pair_maps(
     distance = np.where(pairs.located > 0, pairs.mean_distance, np.nan)
     frequency = np.where(pairs.seen > 0, pairs.frequency, np.nan)
     with mpl.rc_context(LARGER):
-        first = _matrix(distance, names, f"mean distance ({unit})", marked)
+        first = _matrix(distance, names, f"mean distance ({literal(unit)})", marked)
         second = _matrix(frequency, names, "share of the transitions out of a code", marked)
         for figure in (first, second):
             mark_simulated(figure, simulated)
@@ -82,7 +82,7 @@ def _matrix(values: Float[np.ndarray, "C C"], names: Sequence[str], label: str, 
     image = axis.imshow(values, cmap=colours, norm=PowerNorm(0.5, vmin=0.0), interpolation="nearest")
     figure.colorbar(image, label=label, shrink=0.9)
     axis.set_xticks(np.arange(len(names)), [str(code) for code in range(len(names))], fontsize=6)
-    axis.set_yticks(np.arange(len(names)), [f"{name}  {code}" for code, name in enumerate(names)], fontsize=6)
+    axis.set_yticks(np.arange(len(names)), [f"{literal(name)}  {code}" for code, name in enumerate(names)], fontsize=6)
     axis.set_xlabel("to code (grey: never seen)")
     axis.set_ylabel("from")
     for source, target in marked:
@@ -94,7 +94,7 @@ def code_table(names: Sequence[str], rows: Int[np.ndarray, " C"], simulated: boo
     """Draw Figure 2(g): the code of each state, with its share of the rows."""
     half = -(-len(names) // 2)
     share = rows / rows.sum()
-    cells = [f"{code}  {name}" for code, name in enumerate(names)]
+    cells = [f"{code}  {literal(name)}" for code, name in enumerate(names)]
     with mpl.rc_context(LARGER):
         figure = Figure(figsize=(6.4, 0.24 * half + 0.5), layout="constrained")
         axis = figure.subplots()

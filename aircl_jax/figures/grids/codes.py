@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from aircl_jax.analysis.recovered import LEAST_SEEN, Recovered, avoided, beginning, changes, expected, rank_agreement
-from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing
+from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing, literal
 from envs import Codes
 
 PALE = "#f2f2f2"
@@ -20,10 +20,16 @@ SMALL = 5.5  # font size of the names beside a map of codes, in points
 
 
 def draw(recovered: Recovered, codes: Codes, title: str) -> Iterator[Drawing]:
-    """Draw reward and feasibility of every pair of codes, and the activities in order of reward, where they were learned."""
+    """Draw reward and feasibility of every pair of codes, and the activities in order of reward, where they were learned.
+
+    Activities are ranked where one begins often enough, and changes are drawn where the recordings hold any.
+    """
     if np.isfinite(recovered.reward).all():
-        yield ranked_activities(recovered, codes, title)
-        yield reward_map(recovered, codes, title)
+        begun = changes(recovered.seen).sum(axis=0)
+        if begun.max() >= LEAST_SEEN:
+            yield ranked_activities(recovered, codes, title)
+        if begun.any():
+            yield reward_map(recovered, codes, title)
     if np.isfinite(recovered.delta).all():
         yield feasibility_map(recovered, codes, title)
 
@@ -40,7 +46,7 @@ def ranked_activities(recovered: Recovered, codes: Codes, title: str) -> Drawing
     axis.grid(axis="y", lw=0.3, color=GREY, zorder=1)
     axis.plot(values[:, order].T, np.repeat(height[:, None], len(values), 1), "o", color=BLUE, ms=2, alpha=0.35, zorder=2)
     axis.plot(values.mean(axis=0)[order], height, "o", color=BLACK, ms=3.2, zorder=3)
-    axis.set_yticks(height, [f"{codes.names[shown[i]]} ({begun[shown[i]]})" for i in order], fontsize=6)
+    axis.set_yticks(height, [f"{literal(codes.names[shown[i]])} ({begun[shown[i]]})" for i in order], fontsize=6)
     axis.set_xlabel("reward of beginning it")
     axis.set_ylim(-0.7, len(shown) - 0.3)
     return Drawing(
@@ -93,7 +99,7 @@ def code_map(
     image = axis.imshow(values, interpolation="nearest", **style)
     figure.colorbar(image, label=label, shrink=0.85, extend=extend)
     axis.set_xticks(range(len(names)), [str(code) for code in range(len(names))], fontsize=SMALL)
-    axis.set_yticks(range(len(names)), [f"{name}  {code}" for code, name in enumerate(names)], fontsize=SMALL)
+    axis.set_yticks(range(len(names)), [f"{literal(name)}  {code}" for code, name in enumerate(names)], fontsize=SMALL)
     axis.set(xlabel="to", ylabel="from")
     for side in ("top", "right"):
         axis.spines[side].set_visible(True)

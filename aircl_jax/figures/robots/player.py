@@ -18,8 +18,10 @@ FOLLOWED = 3.0  # the view moves along on paths longer than this many widths of 
 def page(scene: Scene) -> str:
     """Write the HTML file's text."""
     template = (resources.files("aircl_jax.figures.robots") / "player.html").read_text(encoding="utf-8")
-    data = json.dumps(_data(scene), ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
-    return template.replace("{{TITLE}}", html.escape(scene.title)).replace("{{DATA}}", data)
+    data = json.dumps(_data(scene), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    data = data.replace("<", "\\u003c")  # so that no text of the scene ends the script or opens a comment
+    before, after = template.split("{{DATA}}")
+    return before.replace("{{TITLE}}", html.escape(scene.title)) + data + after
 
 
 def _data(scene: Scene) -> dict[str, Any]:
