@@ -162,7 +162,7 @@ def default_config(env_name: str, settings: Literal["paper", "tuned", "contrast"
     return {"paper": PAPER, "tuned": TUNED, "contrast": CONTRAST}[settings].get(env_name, TrainConfig())
 
 
-def config_of(env: Env, settings: Literal["paper", "tuned"]) -> TrainConfig:
+def config_of(env: Env, settings: Literal["paper", "tuned", "contrast"]) -> TrainConfig:
     """The settings of an environment; an Env of one's own takes none by its name."""
     return default_config(env.name, settings) if env.registered else TrainConfig()
 

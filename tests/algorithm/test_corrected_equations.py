@@ -55,7 +55,7 @@ def test_centred_judge_subtracts_the_midpoint_of_both_means_without_a_gradient(t
 @pytest.mark.parametrize("constant", [-3.0, 40.0])
 def test_a_constant_in_the_reward_does_not_move_the_centred_judge(constant):
     batches = random_batches()
-    moved = Batches(*(one._replace(f=one.f + constant) for one in batches))
+    moved = Batches(*(one._replace(f=one.f + constant) for one in batches.sets))
     value, value_moved = (term("discriminator", "aircl_corrected", one) for one in (batches, moved))
     np.testing.assert_allclose(value_moved, value, rtol=1e-10)
 
@@ -91,9 +91,9 @@ def test_step_ratio_term_is_stationary_at_log_expert_over_policy():
 def test_sequence_ratio_term_counts_samples_as_feasible_with_weight_m_beside_the_expert_and_bounds_the_logit():
     sign = {"expert": 1, "sampled": 1, "policy": -1, "replay": -1}
     log_right = {
-        name: np.log(sigmoid(sign[name] * naive(one).sequence_logit)).mean() for name, one in random_batches()._asdict().items()
+        name: np.log(sigmoid(sign[name] * naive(getattr(random_batches(), name)).sequence_logit)).mean() for name in sign
     }
-    squares = np.mean([(naive(one).sequence_logit ** 2).mean() for one in random_batches()])
+    squares = np.mean([(naive(one).sequence_logit ** 2).mean() for one in random_batches().sets])
     expected = -(log_right["expert"] + 0.5 * log_right["sampled"]) / 1.5 - 0.5 * (log_right["policy"] + log_right["replay"])
     expected += 0.1 * squares
     np.testing.assert_allclose(term("sequence_ratio", "aircl_corrected"), expected, rtol=1e-12)

@@ -35,7 +35,7 @@ class Setting:
 
     def scores(self, theta, phi):
         params = self.params._replace(reward=self.unravel_theta(theta), feasibility=self.unravel_phi(phi))
-        return score_all(self.nets.bind(params, self.stats), Batches(*((one, one.log_prob) for one in self.batches)))
+        return score_all(self.nets.bind(params, self.stats), Batches(*((one, one.log_prob) for one in self.batches.sets)))
 
     def grad(self, name, argnums):
         def loss(theta, phi):

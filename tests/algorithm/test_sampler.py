@@ -71,7 +71,7 @@ def test_rejection_never_draws_what_is_infeasible():
 def test_a_minibatch_is_of_distinct_trajectories_and_a_small_set_is_taken_whole():
     sets = Batches(*(random_trajectories(tiny_grid(), seed, number) for seed, number in enumerate([6, 2, 6, 6])))
     drawn = minibatch(sets, 3, jax.random.key(0))
-    assert [len(one.mask) for one in drawn] == [3, 2, 3, 3]
+    assert [len(one.mask) for one in drawn.sets] == [3, 2, 3, 3]
     rows = [tuple(row) for row in np.asarray(drawn.expert.reward)]
     assert len(set(rows)) == 3
     assert set(rows) <= {tuple(row) for row in np.asarray(sets.expert.reward)}

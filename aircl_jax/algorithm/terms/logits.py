@@ -31,7 +31,7 @@ class Batches(NamedTuple):
     sampled: Any
     policy: Any
     replay: Any
-    states: StateScores | None = None  # beside the scores of a row with a reward of states
+    states: Any = None  # StateScores, beside the scores of a row with a reward of states
 
     @property
     def sets(self) -> tuple[Any, Any, Any, Any]:

@@ -18,7 +18,7 @@ from experiments.swap import grid_cells, report, robot_cells
 from experiments.swap.grid_cells import CONTROLS, WORLDS, GridStudy
 from experiments.swap.robot_cells import Study, applies
 from experiments.swap.robot_tests import TESTS
-from tests.finished_runs import random_episodes, untrained, untrained_robot
+from tests.finished_runs import random_episodes, untrained_robot
 
 EVERY_TEST = [(env, test) for env, tests in TESTS.items() for test in tests]
 NAMED = {test.name: test for test in TESTS["swimmer"]}
@@ -239,32 +239,6 @@ def test_a_random_reward_of_a_grid_has_ten_draws_and_no_constraint(tmp_path):
     assert len(set(cell["metrics"]["self_return"])) == 10
     assert cell["metrics"]["constraint_iou"] == [None] * 10
     assert all(distance > 0.3 for distance in cell["metrics"]["reward_distance"])
-
-
-def test_a_learned_row_of_a_grid_is_trained_with_the_settings_of_its_world(monkeypatch, tmp_path):
-    seen = {}
-    monkeypatch.setattr(grid_cells, "train", lambda env, method, **given: seen.update(given) or untrained("aircl_corrected"))
-    monkeypatch.setattr(grid_cells, "measures", lambda options, one: {"flagged": float(one.forbids.sum())})
-    monkeypatch.setattr(grid_cells, "by_world", lambda options, one: {"wind": (0.5, float("nan"))})
-    cell = grid_cells.cell(grid_study(tmp_path), "wall, goal", "aircl_corrected")
-    world = {"layout": "wall", "reward": "goal"}
-    assert seen == {"seeds": 2, "first_seed": 0, "iterations": 4, "env_settings": world, "config": {}}
-    assert cell["seeds"] == [0, 1] and len(cell["metrics"]["flagged"]) == 2
-    assert cell["changed_worlds"] == {"wind": [[0.5, None], [0.5, None]]}
-
-
-@pytest.mark.parametrize(("row", "config"), [("aircl_contrast", {}), ("aircl_contrast planned", {"learner": "exact"})])
-def test_the_contrast_rows_have_ten_fresh_seeds_and_keep_what_they_found(monkeypatch, tmp_path, row, config):
-    seen = {}
-    monkeypatch.setattr(grid_cells, "train", lambda env, method, **given: seen.update(given) or untrained(method))
-    monkeypatch.setattr(grid_cells, "measures", lambda options, one: {"flagged": float(one.forbids.sum())})
-    monkeypatch.setattr(grid_cells, "by_world", lambda options, one: {"wind": (0.5, 0.5)})
-    cell = grid_cells.cell(grid_study(tmp_path), "wall, goal", row)
-    assert (seen["seeds"], seen["first_seed"], seen["config"]) == (10, 1000, config)
-    assert np.array(cell["obstacles"]["true_tempted"]).shape == np.array(cell["obstacles"]["found"]).shape == (2, 1)
-    found = np.array(cell["obstacles"]["found"]).sum(axis=1)
-    assert cell["metrics"]["flagged"] == (found + cell["false_flags"]).tolist()
-    assert set(cell["policy"]) == set(grid_cells.OF_THE_POLICY)
 
 
 def test_controls_are_the_default_grid_with_another_taste_or_lapses():
