@@ -87,6 +87,12 @@ def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
     return partial(jax.shard_map, mesh=mesh, out_specs=SEED, check_vma=False), lambda tree: jax.device_put(tree, sharding)
 
 
+def devices() -> str:
+    """Say on how many devices of which kind this process computes."""
+    found = jax.devices()
+    return f"{len(found)} × {found[0].device_kind}"
+
+
 def _shards(num_seeds: int) -> int:
     """Return the largest number of devices that share the seeds evenly."""
     return max(count for count in range(1, jax.device_count() + 1) if num_seeds % count == 0)

@@ -25,6 +25,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Literal
 
+from aircl_jax.messages import say
 from experiments.cli.command import run_command
 
 REPEATS = 5  # repeats of each timing; the median is printed
@@ -62,9 +63,9 @@ def report(settings: Settings, _: Sequence[str]) -> None:
     rows = measure(settings)
     import jax
 
-    print(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
+    say(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
     for name, value in rows.items():
-        print(f"  {name:<58} {value}")
+        say(f"  {name:<58} {value}")
 
 
 def measure(settings: Settings) -> dict[str, str]:
@@ -247,7 +248,7 @@ def second_start(settings: Settings) -> float:
 
 
 def _has_line(path: Path) -> bool:
-    text = path.read_text()
+    text = path.read_text(encoding="utf-8")
     return text.endswith("\n") and bool(json.loads(text.splitlines()[0]))
 
 
