@@ -3,7 +3,7 @@
 import os
 import sys
 from contextlib import suppress
-from typing import TextIO
+from typing import Any
 
 
 def say(text: str) -> None:
@@ -28,7 +28,7 @@ def forgiving_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _print(text: str, stream: TextIO | None) -> None:
+def _print(text: str, stream: Any) -> None:
     if stream is None:  # closed before Python started
         return
     try:
@@ -38,7 +38,7 @@ def _print(text: str, stream: TextIO | None) -> None:
         _abandon(stream)
 
 
-def _abandon(stream: TextIO) -> None:
+def _abandon(stream: Any) -> None:
     """Send what a process's own stream still holds, and all that follows, to nowhere: Python flushes it again at the end."""
     if stream not in (sys.__stdout__, sys.__stderr__):
         return

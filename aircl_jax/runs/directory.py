@@ -48,6 +48,10 @@ class RunDirectory:
     remarks: tuple[str, ...] = ()
     seen: Look = ()
     _digest: Any = field(default_factory=hashlib.sha256, init=False, repr=False)  # of metrics.jsonl as it was written
+    _rows: int = field(default=0, init=False, repr=False)  # lines of it that belong to the run
+
+    def __post_init__(self) -> None:
+        self._rows = self.start
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -99,6 +103,7 @@ class RunDirectory:
         with disk(self.path / METRICS, THEN):
             append(self.path / METRICS, lines)
         self._digest.update(lines.encode())
+        self._rows += len(rows)
 
     def append_timing(self, timing: Mapping[str, Any]) -> None:
         """Append one line per chunk."""
@@ -130,7 +135,7 @@ class RunDirectory:
 
     def history(self) -> dict[str, np.ndarray]:
         """Read the metrics: {metric: [iterations, S]}."""
-        return read_metrics(self.path)
+        return read_metrics(self.path, self._rows)
 
     def timing(self) -> list[dict[str, Any]]:
         return read_timing(self.path)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from aircl_jax.runs import checkpoint
 from aircl_jax.runs.directory import REPORT, STATE, RunDirectory, Settings, checkpoint_path, checkpoints, look
-from aircl_jax.runs.metrics_log import METRICS, digest
+from aircl_jax.runs.metrics_log import METRICS, complete_lines, digest
 from aircl_jax.runs.readers import CONFIG, SUMMARY, read_config, read_timing
 from aircl_jax.runs.seeds import devices
 from aircl_jax.settings.env_defaults import unnamed_settings
@@ -84,7 +84,8 @@ def _resumed(path: Path, settings: Settings, chunk: int) -> RunDirectory:
         raise ValueError(f"run_dir={path} is at iteration {done} already; iterations={iterations} would shorten it")
     usable = [iteration for iteration in every if iteration % chunk == 0 or iteration == iterations]
     start, remarks = _newest_whole(path, sorted(usable, reverse=True))
-    finished = start == iterations and (path / SUMMARY).is_file() and (path / REPORT).is_file()
+    whole = all((path / name).is_file() for name in (SUMMARY, REPORT))
+    finished = start == iterations and whole and len(complete_lines(path / METRICS)) == start
     if start:
         read_timing(path)  # refuses what cannot be read, before anything is cut
     if start and not finished:
