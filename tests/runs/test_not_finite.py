@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import jax
@@ -19,7 +20,7 @@ from aircl_jax.runs import checkpoint, loop
 from aircl_jax.runs.opening import open_saved
 from envs import Env
 from tests.finished_runs import untrained
-from tests.worlds import TINY, random_trajectories, tiny_grid
+from tests.worlds import TINY, UNOPTIMISED, fused_step, random_trajectories, tiny_grid
 
 QUICK = {
     "num_trajectories": 4,
@@ -34,47 +35,53 @@ QUICK = {
 RUN = {"env": "gridworld", "env_settings": {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4}, "config": QUICK}
 
 
-def flagged(env: Env, state_of: Any = lambda state: state, expert_of: Any = lambda expert: expert) -> bool:
-    """Whether one step of the default row calls itself finite."""
-    trainer, expert = make_trainer(env, METHODS["aircl_corrected"], TINY), random_trajectories(tiny_grid(), 0, 5)
-    state = trainer.init(jax.random.key(0), expert)
-    return bool(trainer.step(state_of(state), expert_of(expert))[1][FINITE])
+NAMES = ("policy", "value", "reward", "feasibility")
 
 
-def poisoned(state: Any, name: str, value: float) -> Any:
-    tree = jax.tree.map(lambda leaf: leaf.at[(0,) * leaf.ndim].set(value), getattr(state.params, name))
-    return state._replace(params=state.params._replace(**{name: tree}))
+@cache
+def flag_of() -> Any:
+    """(an addend for each group of parameters, one for observations) -> whether a step of the default row is finite."""
+    env = tiny_grid()
+
+    def run(addends: dict[str, Any], of_obs: Any) -> Any:
+        def step(key, state, action):
+            state, seen = env.step(key, state, action)
+            return state, seen._replace(obs=seen.obs.at[0].add(of_obs))
+
+        expert = random_trajectories(env, 0, TINY.num_demonstrations)
+        trainer = make_trainer(replace(env, step=step), METHODS["aircl_corrected"], TINY)
+        state = trainer.init(jax.random.key(0), expert)
+        groups = {
+            name: jax.tree.map(lambda leaf, add=add: leaf.at[(0,) * leaf.ndim].add(add), getattr(state.params, name))
+            for name, add in addends.items()
+        }
+        return trainer.step(state._replace(params=state.params._replace(**groups)), expert)[1][FINITE]
+
+    return jax.jit(run, compiler_options=UNOPTIMISED)
+
+
+def flagged(obs: float = 0.0, **addends: float) -> bool:
+    return bool(flag_of()(dict.fromkeys(NAMES, 0.0) | addends, obs))
 
 
 def test_a_step_says_whether_its_numbers_are_finite():
-    assert flagged(tiny_grid())
+    assert flagged()
 
 
-@pytest.mark.parametrize("name", ["policy", "value", "reward", "feasibility"])
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_parameter_that_is_not_finite_is_noticed(name, value):
-    assert not flagged(tiny_grid(), lambda state: poisoned(state, name, value))
+    assert not flagged(**{name: value})
 
 
-def blinking(env: Env) -> Env:
-    """The same world, whose first observation after a step is not finite."""
-
-    def step(key, state, action):
-        state, seen = env.step(key, state, action)
-        return state, seen._replace(obs=seen.obs.at[0].set(jnp.inf))
-
-    return replace(env, step=step)
-
-
-def test_an_observation_that_is_not_finite_is_noticed():
-    assert not flagged(blinking(tiny_grid()))
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_an_observation_that_is_not_finite_is_noticed(value):
+    assert not flagged(obs=value)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_row_is_finite_where_nothing_is_wrong(method):
-    env = tiny_grid()
-    trainer, expert = make_trainer(env, METHODS[method], TINY), random_trajectories(env, 0, 5)
-    assert bool(trainer.step(trainer.init(jax.random.key(0), expert), expert)[1][FINITE])
+    assert bool(fused_step(method)(jnp.zeros(()), jnp.zeros(()))[2][FINITE])
 
 
 def test_the_first_iteration_of_each_seed_is_kept_over_chunks():
@@ -123,6 +130,16 @@ def test_a_seed_whose_parameters_break_is_named_with_its_iteration_and_costs_no_
     assert result.alarms[0][1:] in (tmp_path / "run" / "report.md").read_text()
     longer = train(**RUN, seeds=2, first_seed=6, iterations=6, run_dir=tmp_path / "run", resume=True)
     assert longer.alarms[0].startswith("not finite: seed 7, from iteration 3 on")
+
+
+def blinking(env: Env) -> Env:
+    """The same world, whose first observation after a step is not finite."""
+
+    def step(key, state, action):
+        state, seen = env.step(key, state, action)
+        return state, seen._replace(obs=seen.obs.at[0].set(jnp.inf))
+
+    return replace(env, step=step)
 
 
 def test_a_world_that_breaks_in_every_seed_has_no_mean_and_still_a_summary(tmp_path):
