@@ -31,7 +31,7 @@ def test_what_fails_after_the_training_costs_nothing_else(part, tmp_path, monkey
     said = capsys.readouterr()
     assert set(said.err.splitlines()) == {f"warning: {line}"}
     assert "What to try next" in said.out
-    assert line in (run / "report.md").read_text(encoding="utf-8")
+    assert line[1:] in (run / "report.md").read_text(encoding="utf-8")
     assert "in fail" in (run / "trace.txt").read_text(encoding="utf-8")
     assert json.loads((run / "summary.json").read_text())["metrics"]
     assert {path.stem for path in (run / "figures").iterdir()} >= {"learning_curves"}

@@ -49,7 +49,7 @@ def test_no_file_imports_what_one_system_alone_has(path):
 
 # A process as on Windows: without the modules and signals of POSIX, where no folder can be opened.
 ELSEWHERE = """
-import importlib.abc, importlib.util, os, signal, sys
+import importlib.abc, importlib.util, os, shutil, signal, sys
 absent = set(sys.argv.pop(1).split(","))
 
 class Absent(importlib.abc.MetaPathFinder):
@@ -62,6 +62,7 @@ importlib.util.find_spec = lambda name, package=None: None if name in absent els
 for name in absent:
     sys.modules.pop(name, None)
 sys.meta_path.insert(0, Absent())
+shutil._use_fd_functions = False
 for name in ("SIGHUP", "SIGKILL", "SIGUSR1", "SIGUSR2", "SIGALRM"):
     delattr(signal, name)
 for name in ("sched_getaffinity", "geteuid", "getuid", "fork"):
@@ -93,7 +94,7 @@ def test_a_run_where_the_locale_knows_only_ascii(name, tmp_path):
     done = subprocess.run(command, cwd=ROOT, env=os.environ | locale, capture_output=True, check=False)
     if name.isascii():
         assert (done.returncode, done.stderr) == (0, b"")
-        assert "δ̄" in (tmp_path / name / "report.md").read_text(encoding="utf-8")
+        assert "±" in (tmp_path / name / "report.md").read_text(encoding="utf-8")
     else:
         assert done.returncode == 2 and done.stderr.count(b"\n") == 1
         assert b"as ascii, the encoding of this locale; set LC_ALL=C.UTF-8" in done.stderr

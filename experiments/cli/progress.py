@@ -36,7 +36,7 @@ class Reporter:
         self.iterations = iterations
         say(self.headline)
         say("compiling; the first start takes the longest, later ones use the cache")
-        if sys.stdout.isatty():
+        if sys.stdout is not None and sys.stdout.isatty():
             form = "{n_fmt}/{total_fmt} |{bar}| {desc}"
             self.bar = tqdm(total=iterations, initial=iteration, bar_format=form, file=sys.stdout)
             self._draw(iteration, "")
