@@ -25,7 +25,7 @@ from aircl_jax.runs.opening import existing, open_run, open_saved
 from aircl_jax.runs.readers import SUMMARY
 from aircl_jax.runs.recorder import Memory, Recorder, Row
 from aircl_jax.runs.result import Result
-from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
+from aircl_jax.runs.seeds import make_evaluator, make_runner, relieve, seed_keys
 from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
 from aircl_jax.runs.stopping import signals_noted
 from aircl_jax.settings.train_config import TrainConfig
@@ -136,6 +136,7 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
             result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
             result = _keep(result, directory, command, stop)
+    relieve()
     return result
 
 

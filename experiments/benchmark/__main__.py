@@ -11,9 +11,9 @@ integrator  integrator of the robots
 peer        true also times the AIRL of the library imitation on a robot, in its own Python (`make .venv-peer/.installed`)
 """
 
+import importlib
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -82,15 +82,24 @@ def measure(settings: Settings) -> dict[str, str]:
         fastest = max(fastest, steps)
         rows[f"whole training, {seeds} seed(s), env steps/s"] = f"{steps:,.0f}"
         rows[f"  tracing and compiling, {seeds} seed(s), s"] = f"{compiling:.1f}"
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    memory = peak_memory()
     rows |= parts(settings)
     if settings.peer:
         theirs = peer(settings)
         rows["AIRL of imitation, one seed, env steps/s"] = f"{theirs:,.0f}"
         rows["  ours is faster by"] = f"{fastest / theirs:.1f}"
     rows["second start until the first iteration is on disk, s"] = f"{second_start(settings):.1f}"
-    rows["peak memory of this process after both trainings, GiB"] = f"{memory:.2f}"
+    rows["peak memory of this process after both trainings, GiB"] = memory
     return rows
+
+
+def peak_memory() -> str:
+    """Return the most memory that this process held, in GiB; unknown on systems that do not say."""
+    try:
+        usage: Any = importlib.import_module("resource")
+    except ImportError:
+        return "unknown"
+    return f"{usage.getrusage(usage.RUSAGE_SELF).ru_maxrss / 2**20:.2f}"
 
 
 def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
