@@ -23,7 +23,8 @@ def tell(line: str) -> None:
 
 def forgiving_streams() -> None:
     """Let standard output and error write letters that their encoding lacks as escapes, as in Python texts."""
-    for stream in (sys.stdout, sys.stderr):
+    streams: tuple[Any, ...] = (sys.stdout, sys.stderr)
+    for stream in streams:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
 
@@ -40,7 +41,7 @@ def _print(text: str, stream: Any) -> None:
 
 def _abandon(stream: Any) -> None:
     """Send what a process's own stream still holds, and all that follows, to nowhere: Python flushes it again at the end."""
-    if stream not in (sys.__stdout__, sys.__stderr__):
+    if not any(stream is own for own in (sys.__stdout__, sys.__stderr__)):
         return
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)

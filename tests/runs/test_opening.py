@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from aircl_jax.runs.opening import open_run, open_saved
 SETTINGS = {"env": {"name": "gridworld"}, "iterations": 8}
 
 
-def opened(path: Path, existing="refuse", **changes) -> RunDirectory:
+def opened(path: Path, existing: Any = "refuse", **changes) -> RunDirectory:
     return open_run(path, SETTINGS | changes, 2, existing)
 
 

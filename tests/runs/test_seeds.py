@@ -7,6 +7,7 @@ the compiler still treats loops of different lengths differently (6e-10 of a par
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import chex
 import jax
@@ -85,7 +86,7 @@ def test_two_chunks_are_one_chunk_of_their_length(trainer):
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="another system than Linux")
 def test_what_was_compiled_is_forgotten_where_it_holds_too_many_memory_maps():
-    double = jax.jit(lambda x: 2 * x)
+    double: Any = jax.jit(lambda x: 2 * x)
     double(jnp.ones(3))
     seeds.relieve()
     assert double._cache_size() == 1
