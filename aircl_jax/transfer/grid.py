@@ -41,7 +41,7 @@ def of_a_grid(spec: RunSpec, networks: Networks, states: TrainState) -> dict[str
             rows = [measures(options, seed) for seed in learned(spec.method, tables)]
     except ValueError:  # a layout of one's own that leaves too few starts or walls
         return {}
-    broken = np.array([any(np.isnan(leaf[seed]).any() for leaf in tables) for seed in range(len(rows))])
+    broken = np.array([any(np.isnan(leaf[seed]).any() for leaf in jax.tree.leaves(tables)) for seed in range(len(rows))])
     return {name: np.where(broken, np.nan, [row[name] for row in rows]) for name in rows[0]}
 
 

@@ -21,7 +21,18 @@ PAGES = (
     "CONTRIBUTING.md",
     *(
         f"docs/{page}.md"
-        for page in ("guide", "results", "animals", "equations", "experts", "physics", "learner", "research", "swap", "robustness")
+        for page in (
+            "guide",
+            "results",
+            "animals",
+            "equations",
+            "experts",
+            "physics",
+            "learner",
+            "research",
+            "swap",
+            "robustness",
+        )
     ),
 )
 
