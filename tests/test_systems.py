@@ -35,8 +35,9 @@ def test_every_text_file_is_read_and_written_in_a_named_encoding(path):
 
 def _of_os(node: ast.Call) -> bool:
     """`open` of these modules opens no text."""
-    of = node.func.value if isinstance(node.func, ast.Attribute) else None
-    return isinstance(of, ast.Name) and of.id in ("os", "tensorstore") and isinstance(node.func, ast.Attribute) and node.func.attr == "open"
+    function = node.func
+    named = isinstance(function, ast.Attribute) and function.attr == "open" and isinstance(function.value, ast.Name)
+    return named and function.value.id in ("os", "tensorstore")
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
