@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +12,9 @@ import jax.numpy as jnp
 
 from aircl_jax.algorithm.evaluation import evaluate as evaluate_seed
 from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.defects import Attempts
 from aircl_jax.demonstrations import sources
+from aircl_jax.messages import warn
 from aircl_jax.model.networks import Networks
 from aircl_jax.reports import run_report
 from aircl_jax.reports.alarms import alarms, untuned
@@ -19,11 +22,20 @@ from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
 from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session
 from aircl_jax.runs.recorder import DataRecorder, Memory, Recorder, Row
+from aircl_jax.reports.alarms import alarms, not_finite, untuned
+from aircl_jax.reports.summary import fits, summarise
+from aircl_jax.runs.directory import FIGURES, THEN, TRACE, RunDirectory
+from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session, since_of
+from aircl_jax.runs.opening import existing, open_run, open_saved
+from aircl_jax.runs.readers import SUMMARY
+from aircl_jax.runs.recorder import Memory, Recorder, Row
 from aircl_jax.runs.result import Result
-from aircl_jax.runs.seeds import make_evaluator, make_runner, seed_keys
+from aircl_jax.runs.seeds import make_evaluator, make_runner, relieve, seed_keys
 from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
 from aircl_jax.settings.checks import check_jax
+from aircl_jax.runs.stopping import signals_noted
 from aircl_jax.settings.train_config import TrainConfig
+from aircl_jax.storage import disk
 from aircl_jax.transfer.grid import maps_of_a_grid, of_a_grid
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
@@ -55,7 +67,8 @@ def train(
 
     Raises:
         ValueError: in one line, before anything is written, for whatever does not fit.
-        KeyboardInterrupt: after an interrupt, once the chunk under way is saved.
+        DiskError: in one line, where the disk is full, read-only or gone; what is saved stays.
+        KeyboardInterrupt, Terminated: after SIGINT, after SIGTERM or SIGHUP, once the chunk under way is saved.
     """
     check_jax()
     spec = make_spec(
@@ -90,9 +103,10 @@ def load(run_dir: str | Path) -> Result:
     expert, reference = _demonstrations(spec)
     init = jax.vmap(trainer.init)
     states = directory.load(jax.eval_shape(init, seed_keys(spec.seeds), expert))
-    if directory.finished:
-        summary = directory.summary()
-    else:
+    for remark in directory.remarks:
+        warn(remark)
+    summary = _kept_summary(directory, spec) if directory.finished else None
+    if summary is None:
         evaluation = _evaluator(networks, expert, reference)(states)
         summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, directory.timing())
     return _result(spec, networks, states, expert, reference, summary, directory)
@@ -110,6 +124,9 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
         if spec.env.recorded is not None and isinstance(recorder, DataRecorder):
             recorder.on_data(spec.env.recorded.account, spec.env.recorded.warnings)
     with directory.held() if directory else nullcontext():
+    if directory and directory.finished and saved and (kept := _kept_summary(directory, spec)):
+        return _result(spec, networks, saved, expert, reference, kept, directory)
+    with signals_noted() as stop, directory.held() if directory else nullcontext():
         with defects_apart():
             states = saved or runner.init(expert)
         record = directory or Memory()
@@ -124,9 +141,12 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
             env_steps=spec.env_steps,
             stopwatch=stopwatch,
             recorders=(record, *recorders),
+            since=since_of(record.timing()),
+            stop=stop,
         )
-        summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, record.timing())
-        result = _result(spec, networks, states, expert, reference, summary, record)
+        with defects_apart():
+            summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, record.timing())
+            result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
             from aircl_jax.figures import of_a_run
             from aircl_jax.reports.card import as_json, as_markdown, card_of
@@ -141,7 +161,41 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
             directory.write_maps(maps_of_a_grid(spec, networks, states, expert))
             directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))
             directory.write_summary(summary)
+            result = _keep(result, directory, command, stop)
+    relieve()
     return result
+
+
+def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[[], None]) -> Result:
+    """Write the summary, then all that could fail for a fault of ours, and last the report; a failure costs nothing else."""
+    from aircl_jax.figures import of_a_run
+    from aircl_jax.reports.card import as_json, as_markdown, card_of
+    from aircl_jax.reports.recovered_words import reading
+
+    spec, attempt = result.spec, Attempts(directory.path / TRACE)
+    directory.write_summary(result.summary)
+    with disk(directory.path, THEN):
+        figures = of_a_run.write_figures(result, directory.path / FIGURES, attempt, stop)
+        words = attempt("the reading in plain words", lambda: reading(result), "")
+        maps = attempt("the maps", lambda: maps_of_a_grid(spec, result.networks, result.states, result.expert), {})
+        card = attempt("the card", lambda: card_of(result), None)
+    directory.write_maps(maps)
+    if card is not None:
+        directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))
+    if command:
+        command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
+    alarms = [*result.alarms, *attempt.failed]
+    directory.write_report(run_report.report(result.summary, alarms, figures, command, words))
+    return replace(result, defects=tuple(attempt.failed))
+
+
+def _kept_summary(directory: RunDirectory, spec: RunSpec) -> Mapping[str, Any] | None:
+    """Read the summary of a finished run; None, and a line, where the file is damaged and has to be made again."""
+    summary = directory.summary()
+    if summary is not None and fits(summary, spec):
+        return summary
+    warn(f"{directory.path / SUMMARY} is damaged; its numbers are measured again")
+    return None
 
 
 def _demonstrations(spec: RunSpec) -> tuple[Trajectory, Trajectory]:
@@ -173,6 +227,7 @@ def _result(
     return Result(
         summary=summary,
         alarms=untuned(spec.env) + _of_the_data(spec.env) + alarms(summary["seeds"], per_seed),
+        alarms=untuned(spec.env.name) + not_finite(summary) + alarms(summary["seeds"], per_seed),
         history=record.history(),
         spec=spec,
         networks=networks,

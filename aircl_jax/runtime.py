@@ -1,8 +1,14 @@
 """What must be settled before jax is imported: devices and the compilation cache. Imports nothing heavy."""
 
+import glob
 import os
+import re
+import tempfile
+import warnings
 from pathlib import Path
+from typing import Any
 
+_DAMAGED = re.compile(r"Error reading persistent compilation cache entry for '([^']+)'")  # JAX warns so
 _FORCED_DEVICES = "--xla_force_host_platform_device_count"
 
 
@@ -17,6 +23,26 @@ def prepare(devices: int | None = None, cache: Path | None = None) -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(kept))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+    if not getattr(warnings.showwarning, "mends", False):
+        warnings.showwarning = _mending(warnings.showwarning)
+
+
+def _mending(show: Any) -> Any:
+    """Show warnings, but remove entries of the compilation cache that JAX cannot read; it then writes them anew.
+
+    JAX itself compiles what it cannot read and keeps the damaged entry for ever.
+    """
+
+    def shown(message: Any, *rest: Any, **names: Any) -> None:
+        damaged = _DAMAGED.match(str(message))
+        if not damaged:
+            show(message, *rest, **names)
+            return
+        for entry in Path(os.environ["JAX_COMPILATION_CACHE_DIR"]).glob(f"{glob.escape(damaged[1])}*-cache"):
+            entry.unlink(missing_ok=True)
+
+    shown.mends = True  # pyright: ignore[reportFunctionMemberAccess]
+    return shown
 
 
 def cores() -> int:
@@ -33,3 +59,9 @@ def user_cache() -> Path | None:
         return None
     nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     return folder if os.access(nearest, os.W_OK) else None
+def user_cache() -> Path:
+    """The user's cache directory, as the XDG convention has it; the one for temporary files without a home directory."""
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:
+        return Path(tempfile.gettempdir())

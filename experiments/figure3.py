@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from aircl_jax.messages import say
 from experiments.cli.command import run_command
 from experiments.shared.paper import COLUMNS
 
@@ -30,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def make(settings: Settings, words: Sequence[str]) -> None:
     """Draw the figures and print where they are."""
-    print(f"wrote {draw(settings, shlex.join(['python', '-m', 'experiments.figure3', *words]))}")
+    say(f"wrote {draw(settings, shlex.join(['python', '-m', 'experiments.figure3', *words]))}")
 
 
 def draw(settings: Settings, command: str) -> Path:
@@ -63,7 +64,7 @@ def draw(settings: Settings, command: str) -> Path:
             lines += [f"![{name}]({name}.png)", "", drawing.caption, ""]
     absent = [env for env in places if env not in there]
     lines += [f"No run yet: {', '.join(absent)}.", ""] if absent else []
-    (out / "figure3.md").write_text("\n".join(lines))
+    (out / "figure3.md").write_text("\n".join(lines), encoding="utf-8")
     return out / "figure3.md"
 
 

@@ -5,7 +5,6 @@ the learner's own), out (a folder). A finished cell is kept as out/TASK_UNIT.jso
 out.md has the table.
 """
 
-import json
 import shlex
 import sys
 import time
@@ -22,6 +21,7 @@ from jaxtyping import Array
 
 from aircl_jax import make_env
 from aircl_jax.analysis.gait import gait_of
+from aircl_jax.messages import say
 from aircl_jax.reports import markdown
 from aircl_jax.settings.learner_config import learner_config
 from aircl_jax.transfer.fresh import Fresh, episodes
@@ -31,7 +31,7 @@ from aircl_jax.types import Trajectory
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, listed, refuse_short_runs
 from experiments.shared.commits import current_commit
-from experiments.shared.kept_files import keep
+from experiments.shared.kept_files import keep, read_kept
 
 RESULTS = "results/learner"
 
@@ -78,10 +78,10 @@ def learn(settings: Settings, words: Sequence[str]) -> None:
         raise ValueError(f"unit={settings.unit:g}: the reward is multiplied by it; choose a number above 0")
     for name in chosen:
         _cell(settings, name)
-    cells = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(Path(settings.out).glob("*.json"))]
+    cells = [read_kept(path) for path in sorted(Path(settings.out).glob("*.json"))]
     written = Path(settings.out).with_suffix(".md")
     written.write_text(table(cells, shlex.join(["python", "-m", "experiments.learner", *words])), encoding="utf-8")
-    print(f"wrote {written}")
+    say(f"wrote {written}")
 
 
 def _cell(settings: Settings, name: str) -> None:
@@ -90,7 +90,7 @@ def _cell(settings: Settings, name: str) -> None:
     if path.exists():
         return
     task = TASKS[name]
-    print(f"{name}, reward × {unit:g}: {task.about}", flush=True)
+    say(f"{name}, reward × {unit:g}: {task.about}")
     world, commit = make_env(task.env, **task.settings), current_commit()
     config = learner_config(task.env, constrained=task.constrained)
     if settings.iterations:

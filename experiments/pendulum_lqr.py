@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.linalg import solve_discrete_are
 
+from aircl_jax.messages import say
 from envs import Env, make_env
 from envs.robots.tasks import RobotState
 from envs.settings import at_least
@@ -43,12 +44,12 @@ def print_frontier(settings: Settings, _: Sequence[str]) -> None:
     """Print return against clean episodes, one line per place."""
     env = make_env("pendulum", noise=settings.noise)
     gain = regulator(make_env("pendulum", noise=0.0))
-    print("place, m | return | clean episodes, % | return of the clean | violating steps")
+    say("place, m | return | clean episodes, % | return of the clean | violating steps")
     for place in PLACES:
         rewards, costs = balance(env, gain, place, settings)
         clean = costs == 0
         of_clean = rewards[clean].mean() if clean.any() else np.nan
-        print(f"{place:8.3f} | {rewards.mean():6.1f} | {100 * clean.mean():17.1f} | {of_clean:19.1f} | {costs.mean():15.2f}")
+        say(f"{place:8.3f} | {rewards.mean():6.1f} | {100 * clean.mean():17.1f} | {of_clean:19.1f} | {costs.mean():15.2f}")
 
 
 def regulator(env: Env) -> Float[np.ndarray, "A O"]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from aircl_jax.messages import say
 from aircl_jax.reports import markdown
 from experiments.cli.command import run_command
 from experiments.cli.words import listed
@@ -38,11 +39,11 @@ def print_table(settings: Settings, _: Sequence[str]) -> None:
     import jax
 
     jax.config.update("jax_enable_compilation_cache", False)  # so that compiling is timed
-    print(markdown.table(HEAD, []))
+    say(markdown.table(HEAD, []))
     for name in bodies:
         for engine in ("planar", "mjx") if settings.mjx else ("planar",):
             for integrator in ("euler", "rk4"):
-                print(markdown.row(measured(name, engine, integrator)), flush=True)
+                say(markdown.row(measured(name, engine, integrator)))
 
 
 def measured(name: str, engine: str, integrator: str) -> tuple[str, ...]:

@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax import METHODS, train
+from aircl_jax.messages import say
 from aircl_jax.reports import markdown
 from envs.layouts import LAYOUTS
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, refuse_short_runs
 from experiments.shared.commits import current_commit
+from experiments.shared.kept_files import read_kept
 from experiments.shared.paired_tests import each, spread
 
 SECOND, THIRD = ([list(cell) for cell in LAYOUTS[name].obstacles] for name in ("second", "third"))
@@ -77,15 +79,15 @@ def recover(settings: Settings, _: Sequence[str]) -> None:
         for method in (METHODS if world == "default" else ELSEWHERE)
     }
     written = Path(settings.out) / "table.md"
-    written.write_text(table(cells))
-    print(f"wrote {written}")
+    written.write_text(table(cells), encoding="utf-8")
+    say(f"wrote {written}")
 
 
 def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str, Any]:
     path = Path(settings.out) / world.replace(" ", "_") / f"{method}.json"
     if path.exists():
-        return json.loads(path.read_text())
-    print(f"training {method} on {world}", flush=True)
+        return read_kept(path, "metrics", "seeds")
+    say(f"training {method} on {world}")
     env, layout = WORLDS[world]
     iterations = settings.iterations or "default"
     result = train(env, method, seeds=settings.seeds, env_settings=layout, iterations=iterations)
@@ -99,7 +101,7 @@ def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str,
         "alarms": result.alarms,
     }
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(cell, indent=1) + "\n")
+    path.write_text(json.dumps(cell, indent=1) + "\n", encoding="utf-8")
     return cell
 
 

@@ -9,7 +9,6 @@ iterations  number of iterations; 0 takes the environment's own
 out         folder of the results
 """
 
-import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -23,13 +22,14 @@ import numpy as np
 from aircl_jax import train
 from aircl_jax.figures import sweep as sweep_figure
 from aircl_jax.figures.style import DPI, STYLE
+from aircl_jax.messages import say
 from aircl_jax.reports import markdown
 from aircl_jax.runs.spec import make_spec
 from aircl_jax.runs.sweep import sweep
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, listed, refuse_short_runs
 from experiments.shared.commits import current_commit
-from experiments.shared.kept_files import keep
+from experiments.shared.kept_files import keep, read_kept
 from experiments.shared.paired_tests import spread
 
 RESULTS = "results/sweeps"
@@ -85,10 +85,10 @@ def make(settings: Settings, words: Sequence[str]) -> None:
     for name in chosen:
         path = Path(settings.out) / f"{name}.json"
         if not path.exists():
-            print(f"training {name}: {SWEEPS[name].method}, {SWEEPS[name].name} of {SWEEPS[name].values}", flush=True)
+            say(f"training {name}: {SWEEPS[name].method}, {SWEEPS[name].name} of {SWEEPS[name].values}")
             command = shlex.join(["python", "-m", "experiments.sweeps", *_other_words(words), f"sweep={name}"])
             keep(path, {"command": command, "commit": commit, **run(SWEEPS[name], settings)})
-    print(f"wrote {write(Path(settings.out))}")
+    say(f"wrote {write(Path(settings.out))}")
 
 
 def _other_words(words: Sequence[str]) -> list[str]:
@@ -150,7 +150,7 @@ def write(out: Path) -> Path:
         if not path.exists():
             lines += [f"Not trained yet: `python -m experiments.sweeps sweep={name}`.", ""]
             continue
-        cell = json.loads(path.read_text())
+        cell = read_kept(path, "command", "commit", "metrics")
         with mpl.rc_context(STYLE):
             drawing = sweep_figure.draw(name, varied.title, cell)
             drawing.figure.savefig(out / f"{name}.png", dpi=DPI)
@@ -164,7 +164,7 @@ def write(out: Path) -> Path:
         ]
         lines += [table(cell), ""]
     written = out / "report.md"
-    written.write_text("\n".join(lines))
+    written.write_text("\n".join(lines), encoding="utf-8")
     return written
 
 

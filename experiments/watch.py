@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from aircl_jax.messages import say
 from experiments.cli.command import run_command
 
 
@@ -30,12 +31,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 def show(settings: Settings, _: Sequence[str]) -> None:
     """Write the player and the film strip, and print where they are."""
     for path, caption in watch(settings):
-        print(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
+        say(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
 
 
 def watch(settings: Settings) -> list[tuple[Path, str]]:
     """Write the two files and return each with a sentence on it. Raises ValueError for settings that do not fit."""
-    from aircl_jax.runs.directory import FIGURES, open_saved
+    from aircl_jax.runs.directory import FIGURES
+    from aircl_jax.runs.opening import open_saved
+    from aircl_jax.runs.spec import read_spec
     from envs.robots.tasks import ROBOTS
 
     if not settings.run_dir:
@@ -43,8 +46,8 @@ def watch(settings: Settings) -> list[tuple[Path, str]]:
     if settings.episodes < 1:
         raise ValueError(f"episodes={settings.episodes} is not at least 1")
     run_dir = Path(settings.run_dir)
-    saved = open_saved(run_dir).settings
-    env, first, number = saved["env"]["name"], saved["first_seed"], saved["seeds"]
+    spec = read_spec(open_saved(run_dir).settings)
+    env, first, number = spec.env.name, spec.seeds[0], len(spec.seeds)
     if env not in ROBOTS:
         raise ValueError(f"run_dir={run_dir} is a run on {env}, which has no body; choose a run on {', '.join(ROBOTS)}")
     index = 0 if settings.seed == "first" else settings.seed - first

@@ -11,7 +11,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("aircl_jax", "envs", "experiments")
 # From the ground up; the shelves of one floor know nothing of each other.
 FLOORS = (
-    ("runtime", "storage"),
+    ("messages",),
+    ("runtime", "storage", "defects"),
     ("envs",),
     ("types", "methods", "settings"),
     ("model", "demonstrations"),

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.measures import (
+    all_finite,
     auroc,
     correlation,
     feasible_return,
@@ -27,7 +28,8 @@ TV_BINS = 16  # bins per coordinate of s̃, between −4 and 4, for the occupanc
 def evaluate(networks: Networks, state: TrainState, expert: Trajectory, reference: Trajectory) -> Metrics:
     """Compute all metrics of one seed on fresh episodes of π, on draws of q from them, and on the reference set.
 
-    Reads the true reward and cost. The state stays unchanged, because its key is folded and not split.
+    All are undefined where a parameter or an observation of those episodes is not finite. Reads the true reward and cost.
+    The state stays unchanged, because its key is folded and not split.
     """
     env, number = networks.env, networks.config.num_evaluation
     nets = networks.bind(state.params, state.obs_stats)
@@ -35,7 +37,7 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
     drawn = roll_out_and_draw(nets, key_policy, key_sampler, number, number)
     policy, policy_scores, expert_scores = drawn.policy, _scores(nets, drawn.policy), _scores(nets, expert)
     expert_log_delta = trajectory_feasibility(nets, expert)
-    return {
+    metrics = {
         **step_metrics(env, drawn.sampled, policy, drawn.log_delta, expert_log_delta),
         **_accuracies(nets, expert_scores, drawn.draws_of(policy_scores)),
         **_feasibility_metrics(nets, reference),
@@ -48,6 +50,8 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
         "occupancy_tv": occupancy_tv(nets, expert, policy),
         "log_std_at_bound": _log_std_at_bound(nets),
     }
+    finite = all_finite((state.params, jnp.where(policy.mask[..., None] > 0, policy.obs, 0.0)))
+    return {name: jnp.where(finite, metric, jnp.nan) for name, metric in metrics.items()}
 
 
 def occupancy_tv(nets: BoundNetworks, expert: Trajectory, policy: Trajectory) -> Float[Array, ""]:

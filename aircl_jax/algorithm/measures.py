@@ -1,14 +1,21 @@
 """Measure trajectories by pure functions: the paper's measures and ours."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from aircl_jax.algorithm.sampler import effective_sample_size
 from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
 GOAL_TOLERANCE = 1e-3
+
+
+def all_finite(tree: Any) -> Bool[Array, ""]:
+    """Say whether every number of a tree is finite."""
+    return jnp.stack([jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(tree)]).all()
 
 
 def violation_rate(trajectories: Trajectory) -> Float[Array, ""]:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from aircl_jax.algorithm import adversary, cloning, entries
 from aircl_jax.algorithm.learners import exact, ppo
-from aircl_jax.algorithm.measures import step_metrics
+from aircl_jax.algorithm.measures import all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.algorithm.scoring import calibrated, roll_out_and_draw
@@ -22,9 +22,14 @@ from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
 from envs import Env
 
+FINITE = "finite"  # name among the metrics of a step
+
 
 class Trainer(NamedTuple):
-    """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure functions of one seed."""
+    """`init(key, expert) -> state` and `step(state, expert) -> (state, metrics)`, pure functions of one seed.
+
+    Beside the metrics `step` says whether its parameters, losses and observations are all finite, as `metrics[FINITE]`.
+    """
 
     init: Callable[[PRNGKeyArray, Trajectory], TrainState]
     step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
@@ -94,6 +99,8 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             price = entries.entry_price(now.bind(params, stats), places, state.step)
             params = params._replace(entry_price=price)
         metrics = step_metrics(env, sampled, policy, drawn.log_delta, expert_log_delta)
+        seen = jnp.where(policy.mask[..., None] > 0, policy.obs, 0.0)
+        metrics[FINITE] = all_finite((params, adversary_metrics, policy_metrics, seen)).astype(jnp.float32)
         state = state._replace(
             params=params,
             ppo_opt=ppo_opt,

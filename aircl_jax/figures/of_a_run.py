@@ -1,6 +1,7 @@
 """Draw and write the figures of a run: choose those of its world, and δ̄ on the reference set."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from aircl_jax.analysis import episodes
 from aircl_jax.analysis.coordinate_contributions import contributions, is_additive
 from aircl_jax.analysis.recovered import recover
+from aircl_jax.defects import Attempts
 from aircl_jax.figures import curves
 from aircl_jax.figures.grids import cells, codes, maze, paths
 from aircl_jax.figures.robots import coordinate_curves, step_histograms
@@ -22,17 +24,34 @@ BINS = 25
 
 def draw(result: Result) -> Iterator[Drawing]:
     """Draw every figure that applies to this run, with its caption. Use within `matplotlib.rc_context(STYLE)`."""
-    env, evidence = result.spec.env, episodes.gather(result)
-    yield curves.learning_curves(result)
-    if env.tabular is None:
-        yield from step_histograms.draw(result, evidence)
-        if is_additive(result):
-            yield coordinate_curves.by_coordinate(result, contributions(result, evidence.policy))
-    else:
-        yield from _of_a_table(result, env.tabular, evidence)
+    for part in _parts(result):
+        yield from part()
+
+
+def _parts(result: Result) -> list[Callable[[], Iterator[Drawing]]]:
+    """List the parts that are drawn one by one, in their order; where one fails the others can still be drawn."""
+    evidence = cache(lambda: episodes.gather(result))
+    return [
+        lambda: iter([curves.learning_curves(result)]),
+        lambda: _of_the_world(result, evidence()),
+        lambda: _of_the_reference(result, evidence),
+        lambda: iter([curves.losses(result)]),
+    ]
+
+
+def _of_the_world(result: Result, evidence: episodes.Evidence) -> Iterator[Drawing]:
+    table = result.spec.env.tabular
+    if table is not None:
+        yield from _of_a_table(result, table, evidence)
+        return
+    yield from step_histograms.draw(result, evidence)
+    if is_additive(result):
+        yield coordinate_curves.by_coordinate(result, contributions(result, evidence.policy))
+
+
+def _of_the_reference(result: Result, evidence: Callable[[], episodes.Evidence]) -> Iterator[Drawing]:
     if result.spec.method.learns_feasibility and _has_both_labels(result):
-        yield reference_histogram(result, evidence)
-    yield curves.losses(result)
+        yield reference_histogram(result, evidence())
 
 
 def _of_a_table(result: Result, table: Tabular, evidence: episodes.Evidence) -> Iterator[Drawing]:
@@ -56,16 +75,28 @@ def figures_of(result: Result) -> dict[str, Drawing]:
         return {drawing.name: drawing for drawing in draw(result)}
 
 
-def write_figures(result: Result, directory: Path) -> list[tuple[Path, str]]:
-    """Draw into the directory; return the files with their captions."""
+def write_figures(
+    result: Result, directory: Path, attempt: Attempts | None = None, stop: Callable[[], None] = lambda: None
+) -> list[tuple[Path, str]]:
+    """Draw into the directory; return the files with their captions. `stop` is called between the parts.
+
+    With `attempt`, a part that fails costs no other.
+    """
     directory.mkdir(exist_ok=True)
-    written = []
+    written: list[tuple[Path, str]] = []
     with mpl.rc_context(STYLE):
-        for drawing in draw(result):
-            path = directory / f"{drawing.name}.png"
-            drawing.figure.savefig(path, dpi=DPI)
-            written.append((path, drawing.caption))
+        for part in _parts(result):
+            stop()
+            write = partial(_write_part, part, directory, written)
+            attempt("a figure", write, None) if attempt else write()
     return written
+
+
+def _write_part(part: Callable[[], Iterator[Drawing]], directory: Path, written: list[tuple[Path, str]]) -> None:
+    for drawing in part():
+        path = directory / f"{drawing.name}.png"
+        drawing.figure.savefig(path, dpi=DPI)
+        written.append((path, drawing.caption))
 
 
 def reference_histogram(result: Result, evidence: episodes.Evidence) -> Drawing:

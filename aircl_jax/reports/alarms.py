@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from aircl_jax.settings.env_defaults import has_own_settings
 from envs import Env
@@ -33,6 +33,17 @@ def untuned(env: Env) -> list[str]:
     if has_own_settings(env):
         return []
     return [f"env={env.name} runs with untuned settings: what `config` does not name is the default of TrainConfig."]
+
+
+def not_finite(summary: Mapping[str, Any]) -> list[str]:
+    """Write a sentence where numbers of some seeds were not finite; none where all were."""
+    since = summary.get("not_finite") or {}
+    if not since:
+        return []
+    which = "; ".join(f"seed {seed}, from iteration {iteration} on" for seed, iteration in since.items())
+    others = len(summary["seeds"]) - len(since)
+    means = f"means are of the other {others}" if others else "no mean is left"
+    return [f"not finite: {which} (parameters, losses or observations); such a seed's measures are undefined, and {means}."]
 
 
 def alarms(seeds: Sequence[int], metrics: Mapping[str, Mapping[str, Sequence[float | None]]]) -> list[str]:

@@ -11,6 +11,7 @@ from aircl_jax.analysis.recovered import AVOIDED_BELOW, avoided, expected, recov
 from aircl_jax.analysis.recovered_limits import recovered_limits
 from aircl_jax.reports import markdown
 from aircl_jax.reports.card_of_entries import of_entries
+from aircl_jax.runs.metrics_log import is_number
 from aircl_jax.runs.result import Result
 from envs import Codes, Grid
 
@@ -59,6 +60,15 @@ def card_of(result: Result) -> dict[str, Any]:
     if never:
         cannot.append("Of what is not done, this method cannot tell the forbidden from what was merely never wanted.")
     return {"wants": [], "never": never, "cannot_tell": cannot, "separable": False}
+
+
+def is_card(found: Mapping[str, Any]) -> bool:
+    """Say whether what was read from a file is a card."""
+    lists = [found.get(name) for name in ("wants", "never", "cannot_tell")]
+    entries = [entry for each in lists[:2] if isinstance(each, list) for entry in each]
+    named = all(isinstance(entry, dict) and isinstance(entry.get("what"), str) for entry in entries)
+    limits = named and all(_is_limit(entry) for entry in entries)
+    return all(isinstance(each, list) for each in lists) and limits and isinstance(found.get("separable"), bool)
 
 
 def as_json(card: Card) -> str:
@@ -190,6 +200,11 @@ def _beyond(result: Result, names: Sequence[str], index: int, limit: float, side
     else:
         values = np.asarray(result.expert.obs[0])[unmasked][:, env.coordinate_names.index(name)]
     return float((values > limit).sum() if side == "above" else (values < limit).sum())
+
+
+def _is_limit(entry: Mapping[str, Any]) -> bool:
+    whole = all(is_number(entry.get(name, "")) for name in ("tempted", "done", "limit", "spread") if name in entry)
+    return whole and (entry.get("limit") is None or entry.get("spread") is not None)
 
 
 def _limit(entry: Mapping[str, Any]) -> str:

@@ -15,7 +15,8 @@ def table(summary: Mapping[str, Any]) -> str:
     rows = []
     for name, row in _defined(summary).items():
         spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
-        rows.append((name, _short(row["mean"]) + spread, (MEANINGS | SWAP_MEANINGS).get(name, "")))
+        of = f" (of {row['of']} seeds)" if "of" in row else ""
+        rows.append((name, _short(row["mean"]) + spread + of, (MEANINGS | SWAP_MEANINGS).get(name, "")))
     return markdown.table(("metric", "mean ± std", "what"), rows, aligned=True)
 
 

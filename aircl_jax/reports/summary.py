@@ -1,14 +1,15 @@
 """Make the content of summary.json: every measure's mean, standard deviation and seeds, and the timing."""
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
-import jax
 import numpy as np
 
-from aircl_jax.runs.metrics_log import numbers
+from aircl_jax.runs.loop import since_of
+from aircl_jax.runs.metrics_log import is_number, numbers
+from aircl_jax.runs.seeds import devices
 from aircl_jax.runs.spec import RunSpec
 
 MEANINGS = {
@@ -57,20 +58,27 @@ SWAP_MEANINGS = {  # of a run on a grid: aircl_jax.transfer.table_tests
 }
 
 
-def statistics(per_seed: Sequence[Any] | np.ndarray) -> dict[str, Any]:
-    """Compute mean and standard deviation beside every seed; both are undefined if any seed is."""
+def statistics(per_seed: Sequence[Any] | np.ndarray, left_out: Collection[int] = ()) -> dict[str, Any]:
+    """Compute mean and standard deviation beside every seed; both are undefined if any seed is.
+
+    The seeds at the places `left_out` are undefined, and mean and deviation are `of` the others, whose number is given.
+    """
     values = np.asarray(per_seed, np.float64)
+    values[list(left_out)] = np.nan
+    of = np.delete(values, list(left_out))
     with np.errstate(invalid="ignore"):  # of undefined seeds
-        mean, std = numbers([values.mean(), values.std(ddof=1) if len(values) > 1 else np.nan])
-    return {"mean": mean, "std": std, "per_seed": numbers(values)}
+        mean, std = numbers([of.mean() if len(of) else np.nan, of.std(ddof=1) if len(of) > 1 else np.nan])
+    return {"mean": mean, "std": std, "per_seed": numbers(values)} | ({"of": len(of)} if left_out else {})
 
 
 def summarise(spec: RunSpec, final: Mapping[str, np.ndarray], timing: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Make summary.json from the metrics at the end, [S] each, and one line of timing a chunk.
 
     The speed is taken from the end of the first chunk to the end of the last. It leaves out the first chunk of each
-    session, which compiles.
+    session, which compiles. `not_finite` has the first iteration in which a number of a seed was not finite.
     """
+    since = since_of(timing) or [None] * len(spec.seeds)
+    lost = [place for place, iteration in enumerate(since) if iteration is not None]
     steady = [line for line in timing if not line["first"]]
     seconds = sum(line["seconds"] - line["compile_s"] for line in steady)
     return {
@@ -83,17 +91,35 @@ def summarise(spec: RunSpec, final: Mapping[str, np.ndarray], timing: Sequence[M
         "compile_s": round(sum(line["compile_s"] for line in timing), 3),
         "env_steps_per_s": round(sum(line["env_steps"] for line in steady) / seconds, 1) if seconds else None,
         "versions": versions(),
-        "metrics": {name: statistics(final[name]) for name in sorted(final, key=_rank)},
+        "not_finite": {str(spec.seeds[place]): since[place] for place in lost},
+        "metrics": {name: statistics(final[name], lost) for name in sorted(final, key=_rank)},
     }
+
+
+def fits(summary: Mapping[str, Any], spec: RunSpec) -> bool:
+    """Say whether a summary that was read from a file is one of this run."""
+    same = summary.get("seeds") == list(spec.seeds) and summary.get("iterations") == spec.config.iterations
+    texts = all(isinstance(summary.get(name), str) for name in ("env", "method"))
+    effort = all(is_number(summary.get(name, "")) for name in ("env_steps", "wall_s", "compile_s", "env_steps_per_s"))
+    metrics, since = summary.get("metrics"), summary.get("not_finite", {})
+    whole = isinstance(metrics, dict) and bool(metrics) and all(_is_statistics(row, spec) for row in metrics.values())
+    return same and texts and effort and whole and isinstance(since, dict) and all(map(is_number, since.values()))
+
+
+def _is_statistics(row: Any, spec: RunSpec) -> bool:
+    if not isinstance(row, dict) or not {"mean", "std", "per_seed"} <= row.keys():
+        return False
+    values = row["per_seed"]
+    one_each = isinstance(values, list) and len(values) == len(spec.seeds) and all(map(is_number, values))
+    return one_each and is_number(row["mean"]) and is_number(row["std"])
 
 
 def versions() -> dict[str, str]:
     packages = ("aircl-jax", "jax", "jaxlib", "flax", "optax", "distrax", "mujoco", "mujoco-mjx", "numpy")
-    devices = jax.devices()
     return {
         "python": platform.python_version(),
         **{package: version(package) for package in packages},
-        "devices": f"{len(devices)} × {devices[0].device_kind}",
+        "devices": devices(),
     }
 
 

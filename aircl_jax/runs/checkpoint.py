@@ -1,8 +1,12 @@
-"""Save and load a pytree as an Orbax directory, which is whole or absent and is checked when read."""
+"""Save and load a pytree as an Orbax directory, which is whole or absent and is checked when written and when read."""
 
 import json
+import re
 import shutil
+import tempfile
 import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,26 +14,45 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from aircl_jax.storage import sync, sync_tree
+
 T = TypeVar("T")
 
 _CHECKSUM = "checksum.json"
 _ARRAYS = "arrays"
+_PLAIN = re.compile(r"([A-Za-z]:)?[\w./+=,@ -]*")  # a path without letters that Orbax takes for a pattern or an address
 
 
-def save(path: Path, tree: Any) -> None:
-    """Write the tree's leaves under their names, into a folder beside `path` that is then renamed.
+def save(path: Path, tree: Any, notes: Mapping[str, Any]) -> None:
+    """Write the tree's leaves under their names, and the notes, into a folder beside `path` that is then renamed.
 
-    After a kill at any moment `path` is whole or absent.
+    After a kill or a power cut at any moment `path` is whole or absent. Raises OSError where the disk refuses, or gives
+    back other numbers than it was given.
     """
     import orbax.checkpoint
 
     beside = path.with_name(f".saving-{path.name}")
     shutil.rmtree(beside, ignore_errors=True)
+    beside.mkdir(parents=True)
     arrays = _named_arrays(tree)
-    with orbax.checkpoint.StandardCheckpointer() as checkpointer:
-        checkpointer.save(beside.absolute() / _ARRAYS, arrays)
-    (beside / _CHECKSUM).write_text(json.dumps({"crc32": _crc32(beside / _ARRAYS)}))
+    try:
+        with _plain_place(beside) as place:
+            with orbax.checkpoint.StandardCheckpointer() as checkpointer:
+                checkpointer.save(place / _ARRAYS, arrays)
+            back = _read_back(place, arrays)
+            if place != beside:
+                shutil.copytree(place / _ARRAYS, beside / _ARRAYS)
+    except OSError:
+        raise
+    except Exception as error:  # TensorStore's errors of the disk are no OSErrors
+        raise OSError(" ".join(str(error).split())[:200] or type(error).__name__) from error
+    if not _same(arrays, back):
+        raise OSError("the numbers read back are not those written")
+    checksum = {"crc32": _crc32(beside / _ARRAYS, notes), "notes": notes}
+    (beside / _CHECKSUM).write_text(json.dumps(checksum), encoding="utf-8")
+    sync_tree(beside)
     beside.rename(path)
+    sync(path.parent)
 
 
 def load(path: Path, like: T) -> T:
@@ -37,19 +60,83 @@ def load(path: Path, like: T) -> T:
 
     Raises ValueError where it is damaged or of another version.
     """
-    import orbax.checkpoint
-
     # Check before Orbax reads: at one damaged file among several, its other reads fail noisily later.
-    if not _is_whole(path):
+    if not is_whole(path):
         raise ValueError(f"the checkpoint {path} is damaged or cut short; use overwrite=true to start again")
-    with orbax.checkpoint.StandardCheckpointer() as checkpointer:
-        arrays = {name: np.asarray(leaf) for name, leaf in checkpointer.restore(path.absolute() / _ARRAYS).items()}
+    try:
+        with _plain_place(path, _ARRAYS) as place:
+            arrays = _restored(place)
+    except Exception as error:
+        raise ValueError(f"the checkpoint {path} cannot be read; use overwrite=true to start again") from error
     names, leaves, structure = _names_and_leaves(like)
     shapes = {name: leaf.shape for name, leaf in zip(names, jax.eval_shape(_raw_all, leaves), strict=True)}
     if {name: array.shape for name, array in arrays.items()} != shapes:
         raise ValueError(f"the checkpoint {path} is of another version; use overwrite=true to start again")
     restored = [_typed(arrays[name], leaf.dtype) for name, leaf in zip(names, leaves, strict=True)]
     return jax.tree.unflatten(structure, restored)
+
+
+def is_whole(path: Path) -> bool:
+    """Say whether the checkpoint's files and notes are those that were written."""
+    try:
+        checksum = _checksum(path)
+        return checksum["crc32"] == _crc32(path / _ARRAYS, checksum.get("notes"))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return False
+
+
+def notes_of(path: Path) -> Mapping[str, Any]:
+    """Return the notes of a whole checkpoint; none of one from before there were any."""
+    return _checksum(path).get("notes") or {}
+
+
+def _checksum(path: Path) -> dict[str, Any]:
+    return json.loads((path / _CHECKSUM).read_bytes())
+
+
+@contextmanager
+def _plain_place(folder: Path, copied: str = "") -> Iterator[Path]:
+    """Yield the folder itself, or a temporary one with its subfolder `copied` where Orbax trips over the folder's name."""
+    absolute = folder.absolute()
+    if _PLAIN.fullmatch(absolute.as_posix()):
+        yield absolute
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        place = Path(temporary).absolute()
+        if not _PLAIN.fullmatch(place.as_posix()):
+            raise OSError(f"neither its name nor that of the folder for temporary files, {place}, suits Orbax; set TMPDIR")
+        if copied:
+            shutil.copytree(absolute / copied, place / copied)
+        yield place
+
+
+def _restored(folder: Path) -> dict[str, np.ndarray]:
+    import orbax.checkpoint
+
+    with orbax.checkpoint.StandardCheckpointer() as checkpointer:
+        return {name: np.asarray(leaf) for name, leaf in checkpointer.restore(folder / _ARRAYS).items()}
+
+
+def _read_back(folder: Path, names: Iterable[str]) -> dict[str, np.ndarray]:
+    """Read what was just written, in a tenth of the time that Orbax takes."""
+    import tensorstore
+
+    files = {"driver": "file", "path": f"{(folder / _ARRAYS).as_posix()}/"}
+    stores = {
+        name: tensorstore.open(
+            {"driver": "zarr", "kvstore": {"driver": "ocdbt", "base": files, "path": f"{name}/"}}, open=True, read=True
+        )
+        for name in names
+    }
+    reads = {name: store.result().read() for name, store in stores.items()}
+    return {name: np.asarray(read.result()) for name, read in reads.items()}
+
+
+def _same(written: Mapping[str, np.ndarray], read: Mapping[str, np.ndarray]) -> bool:
+    """Compare by bytes, because NaN is not equal to itself."""
+    return written.keys() == read.keys() and all(
+        written[name].shape == read[name].shape and written[name].tobytes() == read[name].tobytes() for name in written
+    )
 
 
 def _typed(array: np.ndarray, dtype: Any) -> jax.Array:
@@ -80,16 +167,9 @@ def _raw_all(leaves: list[Any]) -> list[Any]:
     return [raw(leaf) for leaf in leaves]
 
 
-def _is_whole(path: Path) -> bool:
-    try:
-        return json.loads((path / _CHECKSUM).read_text())["crc32"] == _crc32(path / _ARRAYS)
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
-
-
-def _crc32(directory: Path) -> int:
-    """Compute the checksum of the names and bytes of every file below the directory."""
-    checksum = 0
+def _crc32(directory: Path, notes: Mapping[str, Any] | None) -> int:
+    """Compute the checksum of the notes, where there are any, and of the names and bytes of every file below the directory."""
+    checksum = 0 if notes is None else zlib.crc32(json.dumps(notes, sort_keys=True).encode())
     for file in sorted(path for path in directory.rglob("*") if path.is_file()):
         name = file.relative_to(directory).as_posix()
         checksum = zlib.crc32(file.read_bytes(), zlib.crc32(name.encode(), checksum))

@@ -1,19 +1,20 @@
 """Train a run in chunks of iterations; after each chunk, evaluate and call the recorders."""
 
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import jax
+import numpy as np
 
+from aircl_jax.algorithm.trainer import FINITE
 from aircl_jax.runs.recorder import Recorder, Row, StartRecorder
 from aircl_jax.runs.seeds import Runner
 from aircl_jax.types import TrainState, Trajectory
 
 Evaluate = Callable[[TrainState], Row]
+Since = list[int | None]  # for each seed the first iteration in which a number was not finite; None where all are
 
 
 class Stopwatch:
@@ -53,6 +54,8 @@ def run_session(
     env_steps: int,
     stopwatch: Stopwatch,
     recorders: Sequence[Recorder],
+    since: Since | None = None,
+    stop: Callable[[], None] = lambda: None,
 ) -> tuple[TrainState, Row]:
     """Train from `start` to `iterations`, and return the states and their evaluation.
 
@@ -60,33 +63,56 @@ def run_session(
     `stopwatch`, a later chunk's from the end of the chunk before, so that it includes the recorders' time between them.
 
     Chunks end at multiples of `chunk` wherever the run starts or ends, so a resumed run compiles and computes the same.
-    An interrupt waits for the chunk's end and all recorders; then KeyboardInterrupt is raised.
+    `stop` is called before the first chunk, and after each one and all recorders; what it raises ends the session. A seed
+    in which a number was not finite, in this session or `since` an earlier one, has no measures from then on.
     """
     for recorder in recorders:
         if isinstance(recorder, StartRecorder):
             recorder.on_start(start, iterations)
     iteration, evaluation = start, None
-    with _noted_interrupts() as interrupts:
-        while iteration < iterations:
-            end = min(iteration - iteration % chunk + chunk, iterations)
-            length = end - iteration
-            with defects_apart():
-                states, metrics = runner.run_chunk(states, expert, length)
-                metrics = jax.device_get(metrics)
-                evaluation = evaluate(states)
-            rows: list[Row] = [{name: values[i] for name, values in metrics.items()} for i in range(length)]
-            if end % chunk == 0:
-                rows[-1] = {**rows[-1], **evaluation}
-            timing = {"iteration": end, "env_steps": length * env_steps, "first": iteration == start, **stopwatch.lap()}
-            for recorder in recorders:
-                recorder.on_chunk(end, states, rows, timing)
-            iteration = end
-            if interrupts:
-                raise KeyboardInterrupt
+    stop()
+    while iteration < iterations:
+        end = min(iteration - iteration % chunk + chunk, iterations)
+        length = end - iteration
+        with defects_apart():
+            states, metrics = runner.run_chunk(states, expert, length)
+            metrics = jax.device_get(metrics)
+            evaluation = evaluate(states)
+        since = _not_finite_since(since, metrics.pop(FINITE, None), iteration)
+        rows: list[Row] = [{name: values[i] for name, values in metrics.items()} for i in range(length)]
+        if end % chunk == 0:
+            rows[-1] = {**rows[-1], **evaluation}
+        timing = {"iteration": end, "env_steps": length * env_steps, "first": iteration == start, **stopwatch.lap()}
+        if since:
+            rows = [without(row, since, iteration + i) for i, row in enumerate(rows, 1)]
+            timing["not_finite"] = since
+        for recorder in recorders:
+            recorder.on_chunk(end, states, rows, timing)
+        iteration = end
+        stop()
     if evaluation is None:
         with defects_apart():
             evaluation = evaluate(states)
     return states, evaluation
+
+
+def _not_finite_since(since: Since | None, finite: np.ndarray | None, done: int) -> Since | None:
+    """Update `since` by what [length, S] iterations after the first `done` say; None while every number was finite."""
+    if finite is None or (since is None and finite.all()):
+        return since
+    found = [None if seed.all() else done + 1 + int(seed.argmin()) for seed in finite.T]
+    return [earlier or now for earlier, now in zip(since or [None] * len(found), found, strict=True)]
+
+
+def without(row: Row, since: Since, iteration: int) -> Row:
+    """Return a row of measures, undefined for the seeds that are not finite in that iteration."""
+    lost = np.array([first is not None and first <= iteration for first in since])
+    return {name: np.where(lost, np.nan, values) for name, values in row.items()}
+
+
+def since_of(timing: Sequence[Mapping[str, Any]]) -> Since | None:
+    """Read from the lines of timing since when each seed is not finite."""
+    return timing[-1].get("not_finite") if timing else None
 
 
 @contextmanager
@@ -95,23 +121,4 @@ def defects_apart() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise RuntimeError("training failed") from error
-
-
-@contextmanager
-def _noted_interrupts() -> Iterator[list[int]]:
-    """Collect interrupts in the yielded list instead of raising them; a second interrupt is raised at once."""
-    noted: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield noted
-        return
-
-    def note(number: int, _: Any) -> None:
-        noted.append(number)
-        signal.signal(signal.SIGINT, previous)
-
-    previous = signal.signal(signal.SIGINT, note)
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, previous)
+        raise RuntimeError(f"training failed: {error}") from error

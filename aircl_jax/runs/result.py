@@ -29,6 +29,7 @@ class Result:
     expert: Trajectory  # D_E, [S, N, T, …]
     reference: Trajectory  # the environment's reference set, [M, T, …]
     run_dir: Path | None
+    defects: tuple[str, ...] = ()  # what could not be drawn or written, a line each: faults of this program
 
     def state(self, index: int = 0) -> TrainState:
         """Return the final state of the seed at this place of `summary["seeds"]`."""

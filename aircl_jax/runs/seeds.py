@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -85,6 +86,26 @@ def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
     mesh = jax.make_mesh((_shards(num_seeds),), ("seed",), axis_types=(AxisType.Auto,))
     sharding = NamedSharding(mesh, SEED)
     return partial(jax.shard_map, mesh=mesh, out_specs=SEED, check_vma=False), lambda tree: jax.device_put(tree, sharding)
+
+
+def relieve(share: float = 0.25) -> None:
+    """Let JAX forget what it has compiled where this process holds that share of the memory maps which Linux allows it.
+
+    A run leaves some 300, and about 200 runs in one process would end it; what is needed again comes from the cache on disk.
+    """
+    try:
+        held = len(Path("/proc/self/maps").read_bytes().splitlines())
+        most = int(Path("/proc/sys/vm/max_map_count").read_bytes())
+    except (OSError, ValueError):  # another system
+        return
+    if held > share * most:
+        jax.clear_caches()
+
+
+def devices() -> str:
+    """Say on how many devices of which kind this process computes."""
+    found = jax.devices()
+    return f"{len(found)} × {found[0].device_kind}"
 
 
 def _shards(num_seeds: int) -> int:

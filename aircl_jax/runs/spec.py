@@ -129,20 +129,19 @@ def read_spec(settings: Mapping[str, Any]) -> RunSpec:
 
     Raises ValueError where an environment or a file no longer exists.
     """
-    settings = renamed(settings)
-    env, demonstrations = settings["env"], settings["demonstrations"]
-    if "own" in env:
+    try:
+        settings = renamed(settings)
+        env, demonstrations = dict(settings["env"]), settings["demonstrations"]
+        name, method, config = str(env.pop("name")), str(settings["method"]), dict(settings["train"])
+        source = demonstrations if demonstrations == "default" else str(demonstrations["source"])
+        rest = {name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")}
+    except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(
-            f"env={env['name']} was given as an Env, which a run does not keep; choose a run on a named environment"
-        )
-    spec = make_spec(
-        env.pop("name"),
-        settings["method"],
-        demonstrations=demonstrations if demonstrations == "default" else demonstrations["source"],
-        env_settings=env,
-        config=settings["train"],
-        **{name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")},
-    )
+            f"the settings of the run are damaged: {error} is missing or wrong; restore its config.yaml"
+        ) from error
+    if "own" in env:
+        raise ValueError(f"env={name} was given as an Env, which a run does not keep; choose a run on a named environment")
+    spec = make_spec(name, method, demonstrations=source, env_settings=env, config=config, **rest)
     if spec.settings["demonstrations"] != demonstrations:
         raise ValueError(f"demonstrations={spec.source} is not what the run had: the content has changed")
     return spec

@@ -28,16 +28,21 @@ Reward = Callable[[World], Float[np.ndarray, "X A"]]
 
 
 def of_a_grid(spec: RunSpec, networks: Networks, states: TrainState) -> dict[str, Float[np.ndarray, " S"]]:
-    """Measure every seed; empty where the run is not on a named grid whose states are seen, or it has no changed worlds."""
+    """Measure every seed; empty where the run is not on a named grid whose states are seen, or it has no changed worlds.
+
+    A seed whose networks give NaN has no measure.
+    """
     options = grid_options(spec)
     if options is None or spec.env.tabular is None:
         return {}
     tables = learned_tables(networks, states, spec.env.tabular)
     try:
-        rows = [measures(options, seed) for seed in learned(spec.method, tables)]
+        with np.errstate(invalid="ignore"):
+            rows = [measures(options, seed) for seed in learned(spec.method, tables)]
     except ValueError:  # a layout of one's own that leaves too few starts or walls
         return {}
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    broken = np.array([any(np.isnan(leaf[seed]).any() for leaf in jax.tree.leaves(tables)) for seed in range(len(rows))])
+    return {name: np.where(broken, np.nan, [row[name] for row in rows]) for name in rows[0]}
 
 
 def maps_of_a_grid(

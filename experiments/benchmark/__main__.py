@@ -11,9 +11,9 @@ integrator  integrator of the robots
 peer        true also times the AIRL of the library imitation on a robot, in its own Python (`make .venv-peer/.installed`)
 """
 
+import importlib
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -25,6 +25,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Literal
 
+from aircl_jax.messages import say
 from experiments.cli.command import run_command
 
 REPEATS = 5  # repeats of each timing; the median is printed
@@ -62,9 +63,9 @@ def report(settings: Settings, _: Sequence[str]) -> None:
     rows = measure(settings)
     import jax
 
-    print(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
+    say(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
     for name, value in rows.items():
-        print(f"  {name:<58} {value}")
+        say(f"  {name:<58} {value}")
 
 
 def measure(settings: Settings) -> dict[str, str]:
@@ -81,15 +82,24 @@ def measure(settings: Settings) -> dict[str, str]:
         fastest = max(fastest, steps)
         rows[f"whole training, {seeds} seed(s), env steps/s"] = f"{steps:,.0f}"
         rows[f"  tracing and compiling, {seeds} seed(s), s"] = f"{compiling:.1f}"
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    memory = peak_memory()
     rows |= parts(settings)
     if settings.peer:
         theirs = peer(settings)
         rows["AIRL of imitation, one seed, env steps/s"] = f"{theirs:,.0f}"
         rows["  ours is faster by"] = f"{fastest / theirs:.1f}"
     rows["second start until the first iteration is on disk, s"] = f"{second_start(settings):.1f}"
-    rows["peak memory of this process after both trainings, GiB"] = f"{memory:.2f}"
+    rows["peak memory of this process after both trainings, GiB"] = memory
     return rows
+
+
+def peak_memory() -> str:
+    """Return the most memory that this process held, in GiB; unknown on systems that do not say."""
+    try:
+        usage: Any = importlib.import_module("resource")
+    except ImportError:
+        return "unknown"
+    return f"{usage.getrusage(usage.RUSAGE_SELF).ru_maxrss / 2**20:.2f}"
 
 
 def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
@@ -247,7 +257,7 @@ def second_start(settings: Settings) -> float:
 
 
 def _has_line(path: Path) -> bool:
-    text = path.read_text()
+    text = path.read_text(encoding="utf-8")
     return text.endswith("\n") and bool(json.loads(text.splitlines()[0]))
 
 

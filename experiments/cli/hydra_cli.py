@@ -16,10 +16,12 @@ from hydra.errors import ConfigCompositionException, HydraException, MissingConf
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from aircl_jax.runs.stopping import Terminated
 from aircl_jax.settings.renamed import old_name
 from experiments.cli import hydra_settings
 from experiments.cli.command import BAD_INPUT, DONE, complain, interrupted
 from experiments.cli.words import unreadable
+from experiments.cli.command import BAD_INPUT, DONE, complain, ended, ending
 
 
 class Composed(NamedTuple):
@@ -30,8 +32,15 @@ class Composed(NamedTuple):
     words: tuple[str, ...]  # NAME=VALUE, as they were given
 
 
-def launch(task: Callable[[Composed], None], config_name: str, argv: Sequence[str]) -> int:
-    """Compose the settings from `argv`, run the task once or over a sweep, and return the exit code."""
+def launch(task: Callable[[Composed], int | None], config_name: str, argv: Sequence[str]) -> int:
+    """Compose the settings from `argv`, run the task once or over a sweep, and return the exit code.
+
+    The task may return its own code. A job of a sweep that ends early costs no other job; the highest code is returned.
+    """
+    return ending(lambda: _launched(task, config_name, argv), "the same command with resume=true continues")
+
+
+def _launched(task: Callable[[Composed], int | None], config_name: str, argv: Sequence[str]) -> int:
     hydra_settings.register()
     codes = [DONE]
 
@@ -39,22 +48,31 @@ def launch(task: Callable[[Composed], None], config_name: str, argv: Sequence[st
         try:
             values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
             own = HydraConfig.get()
-            task(Composed(own.runtime.choices["env"], values, tuple(own.overrides.task)))
-        except ValueError as error:
-            codes.append(complain(str(error)))
+            codes.append(task(Composed(own.runtime.choices["env"], values, tuple(own.overrides.task))) or DONE)
+        except Exception as error:
+            codes.append(ended(error))
 
     try:
+        _refuse_unreadable(argv)
         with _arguments(argv):
             hydra.main(version_base="1.3", config_path="pkg://experiments.cli.conf", config_name=config_name)(job)()
+    except Terminated:
+        raise
     except SystemExit as stop:  # --help, and argparse's own refusals
         return stop.code if isinstance(stop.code, int) else BAD_INPUT
-    except KeyboardInterrupt:
-        return interrupted("the same command with resume=true continues")
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # a ValueError of Hydra; `job` catches the task's
         return complain(_in_one_line(error, argv))
     finally:
         GlobalHydra.instance().clear()
     return max(codes)
+
+
+def _refuse_unreadable(argv: Sequence[str]) -> None:
+    """Raise ValueError for a word with bytes that are no letters in the encoding of this locale."""
+    for word in argv:
+        if any("\ud800" <= letter <= "\udfff" for letter in word):
+            encoding = sys.getfilesystemencoding()
+            raise ValueError(f"cannot read {word!a} as {encoding}, the encoding of this locale; set LC_ALL=C.UTF-8")
 
 
 @contextmanager

@@ -4,9 +4,12 @@ import math
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
+
+from aircl_jax.messages import say
 
 if TYPE_CHECKING:
     from aircl_jax.runs.recorder import Row
@@ -39,6 +42,9 @@ class Reporter:
         print(*(f"  {line}\n" for line in self.data), sep="", end="")
         print("compiling; the first start takes the longest, later ones use the cache", flush=True)
         if sys.stdout.isatty():
+        say(self.headline)
+        say("compiling; the first start takes the longest, later ones use the cache")
+        if sys.stdout is not None and sys.stdout.isatty():
             form = "{n_fmt}/{total_fmt} |{bar}| {desc}"
             self.bar = tqdm(total=iterations, initial=iteration, bar_format=form, file=sys.stdout)
             self._draw(iteration, "")
@@ -57,10 +63,13 @@ class Reporter:
 
     def close(self) -> None:
         if self.bar:
-            self.bar.close()
+            with suppress(OSError, ValueError):
+                self.bar.close()
 
     def _draw(self, iteration: int, details: str) -> None:
-        if self.bar is not None:
+        if self.bar is None:
+            return
+        with suppress(OSError, ValueError):  # a terminal that was closed
             self.bar.set_description_str(details, refresh=False)
             self.bar.update(iteration - self.bar.n)
             self.bar.refresh()
@@ -69,7 +78,7 @@ class Reporter:
         now = time.monotonic()
         if now - self.last_line >= SECONDS_BETWEEN_LINES or iteration == self.iterations:
             self.last_line = now
-            print(f"iteration {iteration}/{self.iterations}  {details}", flush=True)
+            say(f"iteration {iteration}/{self.iterations}  {details}")
 
     def _speed(self, iteration: int) -> list[str]:
         if self.first_chunk is None or self.seconds <= 0:

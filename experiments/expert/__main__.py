@@ -50,7 +50,7 @@ class ExpertSettings:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run with these arguments (the command line's by default); 0 done, 2 bad input, 130 interrupted."""
+    """Run with these arguments, the command line's by default, and return the exit code; see docs/guide.md."""
     register()
     return launch(train, "expert", sys.argv[1:] if argv is None else list(argv))
 
@@ -84,7 +84,7 @@ def train(composed: Composed) -> None:
     if options.constraint == "none":
         raise ValueError("env.constraint=none: an expert is trained under a constraint, its reference set without; choose one")
 
-    from aircl_jax.runs.directory import existing, open_run
+    from aircl_jax.runs.opening import existing, open_run
     from experiments.expert.run import Task, run
 
     words = [word for word in composed.words if not word.startswith(("resume=", "overwrite="))]

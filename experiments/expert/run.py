@@ -26,6 +26,7 @@ from aircl_jax.experts.selection import (
     random_return,
     reference_set,
 )
+from aircl_jax.messages import say
 from aircl_jax.runs.directory import RunDirectory
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from envs import Env
@@ -78,7 +79,7 @@ def run(task: Task, directory: RunDirectory) -> None:
         states = _train(task, runner, states, directory)
         summary = harvest(task, Sampler(task.env, training.nets), states)
         directory.write_summary(summary)
-    print(json.dumps({name: summary[name] for name in ("chosen", "demonstrations", "beside")}, indent=2))
+    say(json.dumps({name: summary[name] for name in ("chosen", "demonstrations", "beside")}, indent=2))
 
 
 def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDirectory) -> LagrangianState:
@@ -93,7 +94,7 @@ def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDi
         directory.on_chunk(iteration, states, rows, {"iteration": iteration, "seconds": seconds})
         means = {name: metrics[name].mean(axis=0) for name in LIVE}
         shown = "  ".join(f"{name} {' '.join(f'{x:.3g}' for x in values)}" for name, values in means.items())
-        print(f"iteration {iteration}/{iterations}  {seconds:.0f} s  {shown}", flush=True)
+        say(f"iteration {iteration}/{iterations}  {seconds:.0f} s  {shown}")
     return states
 
 

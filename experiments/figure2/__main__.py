@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from aircl_jax.figures.animals import ground_maps, transitions
+from aircl_jax.messages import say
 from envs.animals.data_folder import command_prefix
 from experiments.cli.command import run_command
 from experiments.figure2.analysis import NICE, Numbers, Settings, Study, analyse, read
@@ -39,9 +40,9 @@ def make(settings: Settings, words: Sequence[str]) -> None:
     numbers = analyse(study, settings)
     draw(study, settings, numbers)
     command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure2", *words])
-    (out / "numbers.json").write_text(json.dumps({"command": command, **numbers.as_json()}, indent=1) + "\n")
-    (out / "report.md").write_text(report(study, numbers, command))
-    print(out / "report.md")
+    (out / "numbers.json").write_text(json.dumps({"command": command, **numbers.as_json()}, indent=1) + "\n", encoding="utf-8")
+    (out / "report.md").write_text(report(study, numbers, command), encoding="utf-8")
+    say(str(out / "report.md"))
 
 
 def draw(study: Study, settings: Settings, numbers: Numbers) -> None:

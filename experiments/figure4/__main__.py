@@ -18,6 +18,7 @@ from aircl_jax.analysis.causal import strongest
 from aircl_jax.figures.animals import causal_links
 from aircl_jax.figures.grids import codes
 from aircl_jax.figures.style import DPI, STYLE
+from aircl_jax.messages import say
 from envs import Codes
 from envs.animals.data_folder import command_prefix
 from experiments.cli.command import run_command
@@ -36,7 +37,7 @@ def make(settings: Settings, words: Sequence[str]) -> None:
     command = command_prefix(settings.data, study.simulated) + shlex.join(["python", "-m", "experiments.figure4", *words])
     for finished in collect(settings, study, methods):  # a report after every cell, so that finished cells can be read
         write(settings, study, finished, command)
-    print(study.folder / "report.md")
+    say(str(study.folder / "report.md"))
 
 
 def collect(settings: Settings, study: Study, methods: Sequence[str]) -> Iterator[report.Finished]:
@@ -82,7 +83,7 @@ def write(settings: Settings, study: Study, finished: report.Finished, command: 
                 figures[drawing.name], captions[drawing.name] = drawing.figure, drawing.caption
         for name, figure in figures.items():
             figure.savefig(study.folder / f"{name}.png", dpi=DPI)
-    (study.folder / "report.md").write_text(report.report(settings, study, finished, command, captions))
+    (study.folder / "report.md").write_text(report.report(settings, study, finished, command, captions), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from aircl_jax.analysis.causal import (
     yardsticks,
 )
 from aircl_jax.analysis.recovered import Recovered, recover
+from aircl_jax.messages import say
 from aircl_jax.methods import METHODS
 from aircl_jax.model.networks import Networks
 from aircl_jax.storage import write_whole
@@ -34,6 +35,7 @@ from envs.options import MeerkatOptions
 from envs.settings import at_least
 from experiments.cli.words import listed, smoke_budget
 from experiments.shared.commits import current_commit
+from experiments.shared.kept_files import read_kept
 
 ROWS = (
     *("airl", "airl_centred", "gacl", "aircl", "aircl_no_prior", "aircl_corrected", "aircl_corrected_prior", "bc"),
@@ -108,11 +110,11 @@ def kept(path: Path, asked: Mapping[str, Any], make: Callable[[], dict[str, Any]
     Raises ValueError, in one line, where an existing cell differs from what is `asked`.
     """
     if not path.exists():
-        print(f"making {path}", flush=True)
+        say(f"making {path}")
         cell = make()
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, json.dumps(cell) + "\n")
-    cell = json.loads(path.read_text())
+    cell = read_kept(path, *asked)
     for name, value in asked.items():
         if cell[name] != value:
             raise ValueError(f"{path} has {name}={cell[name]}, asked for is {value}; give out=DIR, or remove the file")

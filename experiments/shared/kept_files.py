@@ -1,4 +1,4 @@
-"""Write JSON files of results, whole or not at all."""
+"""Write and read JSON files of results, whole or not at all."""
 
 import json
 from collections.abc import Mapping
@@ -12,6 +12,17 @@ def keep(path: Path, cell: Mapping[str, Any]) -> None:
     """Write a cell, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, _json(cell, levels=2) + "\n")
+
+
+def read_kept(path: Path, *names: str) -> dict[str, Any]:
+    """Read a kept cell. Raises ValueError, in one line with the file, where it is none or has not these names."""
+    try:
+        cell = json.loads(path.read_bytes())
+    except (ValueError, RecursionError):
+        cell = None
+    if isinstance(cell, dict) and all(name in cell for name in names):
+        return cell
+    raise ValueError(f"{path} is damaged; restore or remove it, and the same command makes it anew")
 
 
 def _json(value: Any, levels: int, indent: str = "") -> str:

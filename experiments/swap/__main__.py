@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from aircl_jax.messages import say
 from envs.settings import at_least
 from experiments.cli.command import run_command
 from experiments.cli.words import listed
@@ -71,7 +72,7 @@ def swap(settings: Settings, words: Sequence[str]) -> None:
     from experiments.swap import report
 
     for path in report.write(Path(settings.out), shlex.join(["python", "-m", "experiments.swap", *words])):
-        print(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def _of_a_run(settings: Settings, command: str) -> None:
@@ -87,7 +88,7 @@ def _of_a_run(settings: Settings, command: str) -> None:
     env, method = result.spec.env.name, result.spec.method_name
     if measures := of_a_grid(result.spec, result.networks, result.states):
         rows = [(name, *map(_short, statistics(values)["per_seed"]), SWAP_MEANINGS[name]) for name, values in measures.items()]
-        print(table(("measure", *(f"seed {seed}" for seed in result.summary["seeds"]), "what"), rows, aligned=True))
+        say(table(("measure", *(f"seed {seed}" for seed in result.summary["seeds"]), "what"), rows, aligned=True))
         return
     if env not in TESTS or result.spec.env.shipped_demonstrations is None:
         raise ValueError(f"run_dir={settings.run_dir} is neither on a grid nor on a shipped task; choose one that is")
@@ -98,7 +99,7 @@ def _of_a_run(settings: Settings, command: str) -> None:
             if robot_cells.applies(row, test):
                 robot_cells.cell(study, env, row, test)
     for path in report.write(out, command):
-        print(f"wrote {path}")
+        say(f"wrote {path}")
 
 
 def _short(value: float | None) -> str:

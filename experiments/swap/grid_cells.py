@@ -1,6 +1,5 @@
 """Cells of the swap table on grids: results/swap/gridworld/WORLD/ROW.json, planned exactly on what a run has learned."""
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 
 from aircl_jax import train
 from aircl_jax.analysis.episodes import learned_tables
+from aircl_jax.messages import say
 from aircl_jax.runs.result import Result
 from aircl_jax.transfer.grid import in_every_world, learned, maps_of_a_grid
 from aircl_jax.transfer.table_tests import Learned, by_world, case, measures, true_reward
@@ -18,7 +18,7 @@ from envs.layouts import LAYOUTS
 from envs.options import GridOptions
 from envs.registry import options_of
 from experiments.shared.commits import current_commit
-from experiments.shared.kept_files import keep
+from experiments.shared.kept_files import keep, read_kept
 
 REWARDS: Mapping[str, Mapping[str, Any]] = {
     "distance": {"reward": "distance"},
@@ -57,8 +57,8 @@ def cell(study: GridStudy, world: str, row: str) -> Mapping[str, Any]:
     """Return the finished cell, trained now where it is missing."""
     path = study.path(world, row)
     if path.exists():
-        return json.loads(path.read_text())
-    print(f"{row} on {world}", flush=True)
+        return read_kept(path, "seeds", "metrics", "changed_worlds")
+    say(f"{row} on {world}")
     settings, commit, started = {**WORLDS, **CONTROLS}[world], current_commit(), time.perf_counter()
     options: GridOptions = options_of("gridworld", settings)
     seeds, tables, apart = _learned(study, row, settings, options)

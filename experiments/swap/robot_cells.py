@@ -1,6 +1,5 @@
 """Cells of the swap table on robots: results/swap/ENV/ROW/TEST.json, made one after the other, skipped where they exist."""
 
-import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from aircl_jax import make_env, train
+from aircl_jax.messages import say
 from aircl_jax.model.networks import BoundNetworks, make_networks
 from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import learner_config
@@ -22,7 +22,7 @@ from aircl_jax.transfer.swap import EPISODE_SEED, EPISODES, SwapResult, measure,
 from aircl_jax.types import Trajectory
 from envs import Env
 from experiments.shared.commits import current_commit
-from experiments.shared.kept_files import keep
+from experiments.shared.kept_files import keep, read_kept
 from experiments.swap.robot_tests import Test
 
 ORACLE, UNIFORM, RANDOM, AS_IS = "oracle", "uniform", "random", " as it is"
@@ -50,8 +50,8 @@ def cell(study: Study, env: str, row: str, test: Test) -> Cell:
     """Return the finished cell, trained now where it is missing."""
     path = study.path(env, row, test.name)
     if path.exists():
-        return json.loads(path.read_text())
-    print(f"{row} on {env}, {test.name}: {test.about}", flush=True)
+        return read_kept(path, "env", "row", "test")
+    say(f"{row} on {env}, {test.name}: {test.about}")
     commit, started = current_commit(), time.perf_counter()
     measures = _measured(study, env, row, test)
     made = {

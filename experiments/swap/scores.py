@@ -1,12 +1,12 @@
 """Scores of the swap tests from the cells that are there: 1 is the truth, 0 the uniform policy."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from experiments.shared.kept_files import read_kept
 from experiments.shared.paired_tests import interval
 from experiments.swap.grid_cells import WORLDS
 from experiments.swap.robot_cells import ORACLE, UNIFORM
@@ -26,7 +26,7 @@ class Score(NamedTuple):
 
 def load(out: Path) -> dict[tuple[str, str, str], Mapping[str, Any]]:
     """Read every finished cell below a folder."""
-    cells = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(out.glob("*/*/*.json"))]
+    cells = [read_kept(path, "env", "row") for path in sorted(out.glob("*/*/*.json"))]
     return {(cell["env"], cell.get("world") or cell["test"], cell["row"]): cell for cell in cells}
 
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from aircl_jax.messages import say
 from experiments.cli.command import BAD_INPUT, DONE, complain, run_command
 from experiments.cli.words import SEEDS, listed, smoke_budget
 from experiments.shared.commits import current_commit
@@ -132,8 +133,8 @@ def write(job: Job, refused: dict[tuple[str, str], str], command: str) -> None:
         ("table1.json", report.as_json(study)),
         ("claims.md", claims_report.markdown(study)),
     ):
-        (job.out / name).write_text(text)
-        print(f"wrote {job.out / name}")
+        (job.out / name).write_text(text, encoding="utf-8")
+        say(f"wrote {job.out / name}")
 
 
 if __name__ == "__main__":

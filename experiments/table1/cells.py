@@ -1,7 +1,6 @@
 """Train, keep and read the cells of Table 1: one method on one environment each, in results/cells/ENV/METHOD.json."""
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
@@ -17,12 +16,13 @@ from aircl_jax.settings.env_defaults import default_config, unnamed_settings
 from aircl_jax.settings.renamed import renamed
 from envs.settings import flatten
 from experiments.cli.progress import Reporter
-from experiments.shared.kept_files import keep
+from experiments.shared.kept_files import keep, read_kept
 from experiments.shared.paired_tests import Values
 from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER
 
 ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "bc")
 POINTS = 20  # least number of points of a learning curve
+KEPT = ("seeds", "metrics", "scale", "command", "commit", "settings", "alarms", "curves")
 CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
 
 Cell = Mapping[str, Any]
@@ -145,9 +145,9 @@ def _commits(directory: Path, commit: str, overwrite: bool) -> list[str]:
     """Record and return the commits at which a run was trained, this one last; they are kept beside its directory."""
     path = directory.with_name(f"{directory.name}.commits")
     begun = not overwrite and (directory / CONFIG).exists() and path.exists()
-    earlier = [line for line in path.read_text().split() if line != commit] if begun else []
+    earlier = [line for line in path.read_text(encoding="utf-8").split() if line != commit] if begun else []
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join([*earlier, commit]) + "\n")
+    path.write_text("\n".join([*earlier, commit]) + "\n", encoding="utf-8")
     return [*earlier, commit]
 
 
@@ -172,7 +172,7 @@ def _short(value: float) -> float | None:
 def load(job: Job) -> dict[tuple[str, str], Cell]:
     """Read the finished cells of this table. Raises ValueError where a cell is of another scale."""
     paths = {(env, method): job.path(env, method) for env in COLUMNS for method in ROWS}
-    cells = {place: json.loads(path.read_text()) for place, path in paths.items() if path.exists()}
+    cells: dict[tuple[str, str], Cell] = {place: read_kept(path, *KEPT) for place, path in paths.items() if path.exists()}
     for place, cell in cells.items():
         if cell["scale"] != job.scale:
             raise ValueError(f"{paths[place]} is of scale={cell['scale']}; choose another folder with out=DIR")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jax.interpreters.partial_eval import dce_jaxpr
 
-from aircl_jax.algorithm.trainer import make_trainer, observation_stats, refresh, scheduled
+from aircl_jax.algorithm.trainer import FINITE, make_trainer, observation_stats, refresh, scheduled
 from aircl_jax.methods import METHODS
 from aircl_jax.model.networks import make_networks
 from aircl_jax.types import TrainState, Trajectory
@@ -47,6 +47,7 @@ def test_fused_step_of_every_row_moves_what_it_learns_and_nothing_else(name):
     assert moved(first.params.reward, last.params.reward) == row.learns_reward
     assert moved(first.params.feasibility, last.params.feasibility) == (row.feasibility != "none")
     assert all(np.isfinite(value) for value in metrics.values())
+    assert metrics[FINITE] == 1
     assert {f"loss_{term}" for term in row.terms} <= set(metrics)
 
 

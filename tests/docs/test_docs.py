@@ -24,6 +24,16 @@ PAGES = (
         for page in (
             *("guide", "results", "animals", "equations", "experts", "physics", "learner"),
             *("research", "robustness", "swap"),
+            "guide",
+            "results",
+            "animals",
+            "equations",
+            "experts",
+            "physics",
+            "learner",
+            "research",
+            "swap",
+            "robustness",
         )
     ),
 )
@@ -43,7 +53,7 @@ def commands() -> list[str]:
     return sorted({shlex.join(shlex.split(line, comments=True)) for line in lines if "python -m experiments." in line})
 
 
-def of_a_run(composed: Composed) -> None:
+def of_a_run(composed: Composed) -> int:
     """What a run checks of its settings before it makes anything."""
     from aircl_jax.methods import get_method
     from aircl_jax.settings.env_defaults import default_config
@@ -56,6 +66,7 @@ def of_a_run(composed: Composed) -> None:
     run = updated(RunSettings(), values)
     updated(ENVS[env].options(), env_values, "env")
     updated(default_config(env, get_method(run.method).settings), train_values, "train")
+    return 0
 
 
 def parsed_by_run(words: list[str]) -> int:
@@ -68,7 +79,7 @@ def parsed_by_run(words: list[str]) -> int:
 def parsed_by_expert(words: list[str]) -> int:
     from experiments.expert import __main__ as expert
 
-    with mock.patch.object(expert, "train"):
+    with mock.patch.object(expert, "train", return_value=0):
         return expert.main(words)
 
 

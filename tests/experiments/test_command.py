@@ -1,9 +1,12 @@
-"""Exit codes of every command: done, bad input in one line, interrupted."""
+"""Exit codes of every command: done, a fault, bad input, the disk, a signal; each of them in one line."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
+from aircl_jax.runs.stopping import Terminated
+from aircl_jax.storage import DiskError
 from experiments.cli.command import run_command
 
 
@@ -93,12 +96,35 @@ def test_an_interrupt_is_130_and_says_what_to_do(then, said, capsys):
     assert capsys.readouterr().err == said
 
 
-def test_a_fault_of_the_code_is_shown_as_one():
+def test_a_fault_of_the_code_is_1_and_one_line_with_the_file_of_its_trace(capsys):
     def fault(*_: object) -> None:
-        raise TypeError("a fault")
+        raise TypeError("a fault\nof two lines")
 
-    with pytest.raises(TypeError, match="a fault"):
-        run_command(fault, [], Settings(), None)
+    assert run_command(fault, [], Settings(), None) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("error: a fault of this program: TypeError: a fault of two lines; its trace is in ")
+    assert said.count("\n") == 1
+    trace = Path(said.rpartition(" ")[2].strip())
+    assert "raise TypeError" in trace.read_text(encoding="utf-8")
+    trace.unlink()
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (DiskError("runs/x cannot be written: full; free some"), 74, "error: runs/x cannot be written: full; free some\n"),
+        (OSError(28, "No space left on device", "out/table.md"), 74, "error: out/table.md: No space left on device\n"),
+        (OSError(36, "File name too long", "out/aaa"), 2, "error: out/aaa: File name too long\n"),
+        (Terminated(15), 143, "ended by SIGTERM; it goes on\n"),
+        (Terminated(1), 129, "ended by SIGHUP; it goes on\n"),
+    ],
+)
+def test_disks_and_signals_have_codes_of_their_own(error, code, said, capsys):
+    def end(*_: object) -> None:
+        raise error
+
+    assert run_command(end, [], Settings(), None, then="it goes on") == code
+    assert capsys.readouterr().err == said
 
 
 def test_help_prints_what_the_command_is_for_and_ends(capsys):

@@ -22,7 +22,7 @@ from aircl_jax.figures import tasks
 from aircl_jax.figures.robots import film_strip, player
 from aircl_jax.figures.style import STYLE
 from aircl_jax.reports.summary import summarise
-from aircl_jax.runs.directory import open_run
+from aircl_jax.runs.opening import open_run
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import seed_keys
 from aircl_jax.runs.spec import make_spec

@@ -7,6 +7,7 @@ import pytest
 
 from aircl_jax.reports.summary import statistics
 from aircl_jax.runs import directory as runs
+from aircl_jax.runs import opening
 from aircl_jax.runs.metrics_log import stack
 from envs.settings import updated
 
@@ -14,7 +15,7 @@ SETTINGS = {"env": {"name": "gridworld", "slip": 0.01}, "iterations": 4}
 
 
 def open_run(path, existing: Literal["refuse", "resume", "overwrite"] = "refuse", **changes):
-    return runs.open_run(path, SETTINGS | changes, chunk=2, existing=existing)
+    return opening.open_run(path, SETTINGS | changes, chunk=2, existing=existing)
 
 
 def test_undefined_numbers_are_null_and_others_read_back_to_the_same_float32():
@@ -48,7 +49,7 @@ def test_overwriting_removes_the_old_run_and_nothing_else(tmp_path):
 
 def test_a_directory_with_other_files_is_refused(tmp_path):
     (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(ValueError, match=r"holds other files \(thesis.tex"):
+    with pytest.raises(ValueError, match=r"holds files \(thesis.tex, …\) and no config.yaml; choose another directory"):
         open_run(tmp_path, "overwrite")
 
 

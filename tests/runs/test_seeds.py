@@ -6,9 +6,12 @@ the compiler still treats loops of different lengths differently (6e-10 of a par
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import chex
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -79,3 +82,13 @@ def test_two_chunks_are_one_chunk_of_their_length(trainer):
     _, last, _ = run(trainer, [0, 1], chunks=(4,))
     _, last_twice, _ = run(trainer, [0, 1], chunks=(2, 2))
     chex.assert_trees_all_equal(last, last_twice)
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="another system than Linux")
+def test_what_was_compiled_is_forgotten_where_it_holds_too_many_memory_maps():
+    double: Any = jax.jit(lambda x: 2 * x)
+    double(jnp.ones(3))
+    seeds.relieve()
+    assert double._cache_size() == 1
+    seeds.relieve(share=0.0)
+    assert double._cache_size() == 0
