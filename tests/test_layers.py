@@ -15,7 +15,7 @@ FLOORS = (
     ("envs",),
     ("types", "methods", "settings"),
     ("model", "demonstrations"),
-    ("algorithm",),
+    ("algorithm", "animals"),
     ("runs",),
     ("experts",),
     ("analysis",),

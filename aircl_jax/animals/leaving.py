@@ -1,0 +1,45 @@
+"""Fit the hazard: the chance at each row that an animal leaves its activity, as a logistic function of what is known."""
+
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.special import log_expit
+
+from aircl_jax.animals.features import Features
+from aircl_jax.animals.minimise import minimise
+
+
+def leaving_loss(weights: Float[Array, " K"], data: dict[str, Array]) -> Float[Array, ""]:
+    """−Σ_n v_n [y_n log h_n + (1 − y_n) log(1 − h_n)] + ½ Σ_k λ_k w_k², with logit h_n = w · x_n.
+
+    `data` has x [N, K], y (left: 1), v (weight of the step) and λ.
+    """
+    logit = data["x"] @ weights
+    nats = jax.nn.softplus(logit) - data["left"] * logit
+    return data["weight"] @ nats + 0.5 * data["ridge"] @ weights**2
+
+
+def fit_leaving(
+    features: Features,
+    left: Bool[np.ndarray, " N"],
+    weight: Float[np.ndarray, " N"],
+    start: Float[np.ndarray, " K"] | None = None,
+) -> Float[np.ndarray, " K"]:
+    """Find the weights w of least loss. Columns are brought to one scale for the search, which moves no optimum."""
+    scale = np.maximum(features.values.std(axis=0), 0.05)
+    data = {
+        "x": features.values / scale,
+        "left": left.astype(np.float64),
+        "weight": weight,
+        "ridge": features.ridge / scale**2,
+    }
+    first = np.zeros(len(scale)) if start is None else start * scale
+    return np.asarray(minimise(leaving_loss, first, data)[0]) / scale
+
+
+def log_leaving(
+    features: Features, weights: Float[np.ndarray, " K"], left: Bool[np.ndarray, " N"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+    """Compute the log-probability of what each animal did (left or stayed), and the chance h of leaving."""
+    logit = features.values @ weights
+    return np.where(left, log_expit(logit), log_expit(-logit)), 1.0 / (1.0 + np.exp(-logit))
