@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import stats
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 
 from aircl_jax.animals.going import Choices, Weights, fit_going, utility
 from envs.animals.steps import Recordings
@@ -81,7 +81,7 @@ def avoided_changes(
         share = ordinary_share(choices, weights, flagged)
         expected = expected_times(choices, share, weight)
         bayes = log_bayes(made, expected, scatter)
-        posterior = 1.0 / (1.0 + np.exp(-(bayes + np.log(prior / (1.0 - prior))))) * possible
+        posterior = expit(bayes + np.log(prior / (1.0 - prior))) * possible
         flagged = posterior > FLAGGED
     steps = recordings.steps
     recording, animal = (array[choices.step] for array in (steps.recording, steps.track))
@@ -101,9 +101,14 @@ def fit_ordinary(
     choices: Choices, weight: Float[np.ndarray, " n"], flagged: Bool[np.ndarray, "C C"], start: Weights | None = None
 ) -> Weights:
     """Fit the reward of where to go with the flagged pairs ruled out, but where they were made."""
+    return fit_going(ruled_out(choices, flagged), weight, start)
+
+
+def ruled_out(choices: Choices, flagged: Bool[np.ndarray, "C C"]) -> Choices:
+    """Take the flagged pairs from what is possible, but where they were made."""
     possible = choices.possible & ~flagged[choices.left]
     possible[np.arange(len(possible)), choices.chosen] = True
-    return fit_going(choices, weight, start, possible)
+    return choices._replace(possible=possible)
 
 
 def ordinary_share(choices: Choices, weights: Weights, flagged: Bool[np.ndarray, "C C"]) -> Float[np.ndarray, "n C"]:

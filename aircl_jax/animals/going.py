@@ -133,26 +133,16 @@ def _by_code(recordings: Recordings, counts: Float[np.ndarray, "n B"]) -> Float[
     return shown
 
 
-def fit_going(
-    choices: Choices,
-    weight: Float[np.ndarray, " n"],
-    start: Weights | None = None,
-    possible: Bool[np.ndarray, "n C"] | None = None,
-) -> Weights:
-    """Find the weights of least loss; `possible` may rule out more than the choices do."""
+def fit_going(choices: Choices, weight: Float[np.ndarray, " n"], start: Weights | None = None) -> Weights:
+    """Find the weights of least loss."""
     size = choices.possible.shape[1]
     zero = Weights(
         np.zeros((choices.situation.shape[1], size)), np.zeros(choices.field.shape[2]), np.zeros(size), np.zeros(size)
     )
-    data = _data(choices, weight, choices.possible if possible is None else possible)
-    return Weights(*map(np.asarray, minimise(going_loss, zero if start is None else start, data)[0]))
-
-
-def _data(choices: Choices, weight: Float[np.ndarray, " n"], possible: Bool[np.ndarray, "n C"]) -> dict[str, np.ndarray]:
-    names = ("situation", "field", "returning", "joining", "left", "chosen")
-    arrays = {name: getattr(choices, name) for name in names}
+    names = ("situation", "field", "returning", "joining", "left", "chosen", "possible")
     ridge = {f"ridge_{name}": value for name, value in choices.ridge._asdict().items()}
-    return {**arrays, **ridge, "weight": weight, "possible": possible}
+    data = {**{name: getattr(choices, name) for name in names}, **ridge, "weight": weight}
+    return Weights(*map(np.asarray, minimise(going_loss, zero if start is None else start, data)[0]))
 
 
 def utility(choices: Choices, weights: Weights) -> Float[np.ndarray, "n C"]:

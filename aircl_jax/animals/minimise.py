@@ -36,7 +36,7 @@ def minimise(
 
 
 @partial(jax.jit, static_argnums=0)
-def _descend(loss: Callable[..., Any], start: Any, data: Any, precision: float, most: int) -> tuple[Any, Float[Array, ""]]:
+def _descend(loss: Callable[..., Any], start: Any, data: Any, precision: Any, most: Any) -> tuple[Any, Float[Array, ""]]:
     flat, unravel = ravel_pytree(start)
     solver = optax.lbfgs(memory_size=MEMORY)
 

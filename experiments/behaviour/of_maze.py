@@ -89,9 +89,9 @@ def _page(found: MazeStudy) -> Iterator[str]:
     ]
     yield markdown.table(("block", "start", "nats, held in", "held out", "rank of the water port", "rank of home"), rows)
     yield (
-        f"Ranks are the best over modes of at least {LEAST_SHARE:.0%} of the steps, of 127 nodes by reward of arriving. EM ends "
-        "in local optima; the start of the best held-in likelihood is kept. The named start has, in hindsight, one mode on the "
-        "way to the water port and one on the way home."
+        f"Ranks are the best over modes of at least {LEAST_SHARE:.0%} of the steps, of 127 nodes by reward of arriving. EM "
+        "ends in local optima; the start of the best held-in likelihood is kept. The named start has, in hindsight, one mode "
+        "on the way to the water port and one on the way home."
     )
     rows = [
         (str(number), str(water), str(home), f"{nats:.4f}")

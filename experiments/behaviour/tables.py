@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from aircl_jax.animals.behaviour import Behaviour, Design, design, fit
-from aircl_jax.animals.changes import Changes, Halves, avoided_changes, judge_on_halves
+from aircl_jax.animals.changes import Changes, Halves, avoided_changes, judge_on_halves, ruled_out
 from aircl_jax.animals.counting import BACK_OFF, back_off
 from aircl_jax.animals.going import ORDINARY, choices_of
 from aircl_jax.animals.held_out import (
@@ -121,8 +121,9 @@ def count_contexts(recordings: Recordings, held: HeldOut) -> list[Counted]:
     return found
 
 
-def fit_all(columns: Design) -> Fitted:
-    """Fit to all recordings, then without each in turn."""
+def fit_all(columns: Design, flagged: Bool[np.ndarray, "C C"]) -> Fitted:
+    """Fit to all recordings, then without each in turn; flagged changes are ruled out, so that the reward need not say them."""
+    columns = columns._replace(choices=ruled_out(columns.choices, flagged))
     number = len(columns.recordings.recordings)
     every = np.ones(number, dtype=bool)
     whole = fit(columns, every)
@@ -171,7 +172,7 @@ def study(recordings: Recordings, halves: int, others: dict[str, Recordings]) ->
     for name, other in others.items():
         comparisons.append(compare(name, design(other), other.steps.in_window)[0])
     lap("counting and other codings")
-    fitted = fit_all(columns)
+    fitted = fit_all(columns, changes.flagged)
     lap("jackknife")
     judged = judge_on_halves(choices_of(recordings, ORDINARY), recordings, halves) if halves else {}
     lap("halves")

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
-from aircl_jax.animals.behaviour import design, fit, leaving_groups
+from aircl_jax.animals.behaviour import design, leaving_groups
+from aircl_jax.animals.changes import ruled_out
 from aircl_jax.animals.counting import back_off, counts_by_recording, smoothed_chain
 from aircl_jax.animals.features import tempo
+from aircl_jax.animals.going import fit_going
 from aircl_jax.animals.held_out import calibration, evaluate, folds_of, jackknife, over_folds, over_recordings
 from envs.animals.meerkat import held_out_recordings
 from envs.animals.steps import read_recordings
 from envs.options import MeerkatOptions
-from tests.animals.herds import DRAW, GOATS, goat_recordings
+from tests.animals.herds import DRAW, FORBIDDEN, GOATS, goat_recordings
 
 
 @pytest.fixture(scope="module")
@@ -103,8 +105,11 @@ def test_the_model_beats_the_chain_where_age_and_place_matter_and_is_calibrated(
             assert abs(one.chain - 0.4) > 0.1
 
 
-def test_the_reward_of_a_place_is_recovered_up_to_a_constant(herd):
-    going = fit(design(herd), np.ones(6, dtype=bool)).going
+def test_with_the_forbidden_change_ruled_out_the_reward_of_a_place_is_recovered_up_to_a_constant(herd):
+    columns = design(herd)
+    forbidden = np.array(herd.names)[:, None] == FORBIDDEN[0]
+    forbidden = forbidden & (np.array(herd.names) == FORBIDDEN[1])
+    going = fit_going(ruled_out(columns.choices, forbidden), np.ones(len(columns.choices.step)))
     for row, place in enumerate(GOATS.places):
         reward = going.table[0] + going.table[1 + row]
         for one, other in ((0, 1), (1, 2)):  # differences of two rewards are free of the constant
