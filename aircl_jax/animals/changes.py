@@ -54,7 +54,7 @@ def log_bayes(
     """log Poisson(n; .01 M) − log ∫ Poisson(n; M e^{σx}) N(x; 0, 1) dx, by Gauss–Hermite quadrature."""
     mean = np.maximum(expected, 1e-12)
     rate = mean[..., None] * np.exp(NODES * scatter)
-    allowed = logsumexp(made[..., None] * np.log(rate) - rate, b=NODE_WEIGHTS, axis=-1)
+    allowed = np.asarray(logsumexp(made[..., None] * np.log(rate) - rate, b=NODE_WEIGHTS, axis=-1))
     return made * np.log(LAPSE * mean) - LAPSE * mean - allowed
 
 
@@ -71,30 +71,48 @@ def avoided_changes(
     M_cc' = Σ over the changes out of c of P(c' | place, neighbours, …), each pair as if it alone were not forbidden.
     """
     size = choices.possible.shape[1]
-    made = np.zeros((size, size))
+    made, log_odds = np.zeros((size, size)), np.log(prior / (1.0 - prior))
     np.add.at(made, (choices.left, choices.chosen), weight)
     possible = np.zeros((size, size), dtype=bool)
     np.logical_or.at(possible, choices.left[weight > 0], choices.possible[weight > 0])
-    flagged, weights = np.zeros_like(possible), None
-    for _ in range(rounds):
-        weights = fit_ordinary(choices, weight, flagged, weights)
-        share = ordinary_share(choices, weights, flagged)
-        expected = expected_times(choices, share, weight)
-        bayes = log_bayes(made, expected, scatter)
-        posterior = expit(bayes + np.log(prior / (1.0 - prior))) * possible
-        flagged = posterior > FLAGGED
+    flagged = np.zeros_like(possible)
+    found = _one_round(choices, weight, made, flagged, None, scatter)
+    for _ in range(rounds - 1):
+        flagged = (expit(found.log_bayes + log_odds) > FLAGGED) & possible
+        found = _one_round(choices, weight, made, flagged, found.weights, scatter)
     steps = recordings.steps
     recording, animal = (array[choices.step] for array in (steps.recording, steps.track))
     return Changes(
         made,
-        expected,
-        bayes,
-        posterior,
-        stats.poisson.cdf(made, np.maximum(expected, 1e-12)),
+        found.expected,
+        found.log_bayes,
+        expit(found.log_bayes + log_odds) * possible,
+        stats.poisson.cdf(made, np.maximum(found.expected, 1e-12)),
         possible,
-        _number_above(choices, share * weight[:, None], recording, IN_RECORDING),
-        _number_above(choices, share * weight[:, None], animal, IN_ANIMAL),
+        _number_above(choices, found.share * weight[:, None], recording, IN_RECORDING),
+        _number_above(choices, found.share * weight[:, None], animal, IN_ANIMAL),
     )
+
+
+class _Round(NamedTuple):
+    weights: Weights
+    share: Float[np.ndarray, "n C"]
+    expected: Float[np.ndarray, "C C"]
+    log_bayes: Float[np.ndarray, "C C"]
+
+
+def _one_round(
+    choices: Choices,
+    weight: Float[np.ndarray, " n"],
+    made: Float[np.ndarray, "C C"],
+    flagged: Bool[np.ndarray, "C C"],
+    start: Weights | None,
+    scatter: float,
+) -> _Round:
+    weights = fit_ordinary(choices, weight, flagged, start)
+    share = ordinary_share(choices, weights, flagged)
+    expected = expected_times(choices, share, weight)
+    return _Round(weights, share, expected, log_bayes(made, expected, scatter))
 
 
 def fit_ordinary(
@@ -116,7 +134,7 @@ def ordinary_share(choices: Choices, weights: Weights, flagged: Bool[np.ndarray,
     values = utility(choices, weights)
     barred = flagged[choices.left]
     competing = np.where(choices.possible & ~barred, values, -np.inf)
-    total = logsumexp(competing, axis=1, keepdims=True)
+    total = np.asarray(logsumexp(competing, axis=1, keepdims=True))
     share = np.where(barred, np.exp(values - np.logaddexp(values, total)), np.exp(values - total))
     return np.where(choices.possible, share, 0.0)
 

@@ -6,8 +6,8 @@ log π(c' | x, change) = u(x, c') − log Σ_{c'' possible} exp u(x, c'').
 The situations s are 1, the place, the company. T's rows are r(c'), r(place, c'), …: rewards of beginning an activity.
 """
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -59,7 +59,7 @@ class Choices(NamedTuple):
     fields: tuple[str, ...]
 
 
-def going_loss(weights: Weights, data: dict[str, Array]) -> Float[Array, ""]:
+def going_loss(weights: Weights, data: Mapping[str, Any]) -> Float[Array, ""]:
     """−Σ_n v_n log π(c'_n | x_n, change) + ½ Σ λ θ², v the weight of a change."""
     utility = _utility(weights, data)
     logits = jnp.where(data["possible"], utility, -jnp.inf)
@@ -69,7 +69,7 @@ def going_loss(weights: Weights, data: dict[str, Array]) -> Float[Array, ""]:
     return data["weight"] @ nats + 0.5 * penalty
 
 
-def _utility(weights: Weights, data: dict[str, Array]) -> Float[Array, "n C"]:
+def _utility(weights: Weights, data: Mapping[str, Any]) -> Float[Array, "n C"]:
     back = data["returning"] * weights.back[data["left"]][:, None]
     return data["situation"] @ weights.table + data["field"] @ weights.shared + back + data["joining"] * weights.join
 

@@ -1,5 +1,8 @@
 """Fit the hazard: the chance at each row that an animal leaves its activity, as a logistic function of what is known."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -10,7 +13,7 @@ from aircl_jax.animals.features import Features
 from aircl_jax.animals.minimise import minimise
 
 
-def leaving_loss(weights: Float[Array, " K"], data: dict[str, Array]) -> Float[Array, ""]:
+def leaving_loss(weights: Float[Array, " K"], data: Mapping[str, Any]) -> Float[Array, ""]:
     """−Σ_n v_n [y_n log h_n + (1 − y_n) log(1 − h_n)] + ½ Σ_k λ_k w_k², with logit h_n = w · x_n.
 
     `data` has x [N, K], y (left: 1), v (weight of the step) and λ.
@@ -20,7 +23,7 @@ def leaving_loss(weights: Float[Array, " K"], data: dict[str, Array]) -> Float[A
     return data["weight"] @ nats + 0.5 * data["ridge"] @ weights**2
 
 
-def _of_basis(point: Float[Array, " K"], data: dict[str, Array]) -> Float[Array, ""]:
+def _of_basis(point: Float[Array, " K"], data: Mapping[str, Any]) -> Float[Array, ""]:
     return leaving_loss(data["basis"] @ point, data)
 
 

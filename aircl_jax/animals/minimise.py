@@ -11,7 +11,6 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 Parameters = TypeVar("Parameters")
-Data = TypeVar("Data")
 
 PRECISION = 1e-3  # largest entry of the gradient at the end, in nats per unit of a parameter
 MOST_STEPS = 1000
@@ -19,9 +18,9 @@ MEMORY = 20  # pairs of steps and gradients that L-BFGS keeps
 
 
 def minimise(
-    loss: Callable[[Parameters, Data], Float[Array, ""]],
+    loss: Callable[[Any, Any], Float[Array, ""]],
     start: Parameters,
-    data: Data,
+    data: Any,
     precision: float = PRECISION,
     most: int = MOST_STEPS,
 ) -> tuple[Parameters, float]:

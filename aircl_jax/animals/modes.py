@@ -4,7 +4,8 @@
 The reward is of the next node alone: planning ahead predicts these mice no better (docs/animals.md).
 """
 
-from typing import Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -34,7 +35,7 @@ class Modes(NamedTuple):
     nats: float  # per step, of the recordings fitted to
 
 
-def modes_loss(weights: dict[str, Array], data: dict[str, Array]) -> Float[Array, ""]:
+def modes_loss(weights: Mapping[str, Any], data: Mapping[str, Any]) -> Float[Array, ""]:
     """−Σ_zsy n_z(s, y) log π_z(y | s) + ½ Σ λ θ²; n are the moves of each mode as expected in the E step."""
     logits = jnp.where(data["exists"], _logits(weights, data), -jnp.inf)
     log_policy = jax.nn.log_softmax(logits, axis=-1)
@@ -42,7 +43,7 @@ def modes_loss(weights: dict[str, Array], data: dict[str, Array]) -> Float[Array
     return nats + 0.5 * (REWARD_RIDGE * (weights["reward"] ** 2).sum() + (data["ridge"] * weights["habits"] ** 2).sum())
 
 
-def _logits(weights: dict[str, Array], data: dict[str, Array]) -> Float[Array, "Z X V"]:
+def _logits(weights: Mapping[str, Any], data: Mapping[str, Any]) -> Float[Array, "Z X V"]:
     return weights["reward"][:, data["target"]] + jnp.einsum("svf,zf->zsv", data["features"], weights["habits"])
 
 
@@ -56,27 +57,34 @@ def fit_modes(
     pairs = modes[:, :-1, :, None] * modes[:, 1:, None, :]
     np.add.at(switches, walks.node[:, 1:], pairs)
     weights = {"reward": np.zeros((number, ways.num_nodes)), "habits": np.zeros((number, ways.habits.shape[-1]))}
-    plain = len(HABITS)
+    fitted, plain = None, len(HABITS)
     ridge = np.append(np.full(plain, HABIT_RIDGE), np.full(ways.habits.shape[-1] - plain, DEPTH_RIDGE))
     data = {"target": ways.target, "exists": ways.exists, "features": ways.habits, "ridge": ridge}
-    for turn in range(rounds):
-        moves = np.zeros((number, *ways.target.shape))
-        np.add.at(moves, (slice(None), walks.state, walks.move), modes.transpose(2, 0, 1))
-        precision = FINE if turn == rounds - 1 else ROUGH
-        weights, _ = minimise(modes_loss, weights, data | {"moves": moves}, precision)
+    for turn in range(1, rounds + 1):
+        moves = np.zeros((*ways.target.shape, number))
+        np.add.at(moves, (walks.state, walks.move), modes)
+        weights, _ = minimise(
+            modes_loss, weights, data | {"moves": np.moveaxis(moves, -1, 0)}, FINE if turn == rounds else ROUGH
+        )
         first = (modes[:, 0].sum(axis=0) + 1) / (len(modes) + number)
-        everywhere = switches.sum(axis=0) + ANY_PSEUDO + STAY_PSEUDO * np.eye(number)
-        everywhere /= everywhere.sum(axis=1, keepdims=True)
-        switch = (switches + SWITCH_PSEUDO * everywhere) / (switches.sum(axis=2, keepdims=True) + SWITCH_PSEUDO)
+        switch = _switch(switches)
         with jax.enable_x64(True):
             found = jax.device_get(_smooth(log_policy(ways, weights), first, switch, walks.state, walks.move, walks.node))
         nats, modes, switches = found
-    return Modes(
-        np.asarray(weights["reward"]), np.asarray(weights["habits"]), first, switch, modes.mean(axis=(0, 1)), float(nats.mean())
-    )
+        fitted = Modes(weights["reward"], weights["habits"], first, switch, modes.mean(axis=(0, 1)), float(nats.mean()))
+    if fitted is None:
+        raise ValueError(f"rounds={rounds}: EM needs at least 1")
+    return fitted
 
 
-def log_policy(ways: Ways, weights: dict[str, np.ndarray]) -> Float[np.ndarray, "Z X V"]:
+def _switch(counts: Float[np.ndarray, "N Z Z"]) -> Float[np.ndarray, "N Z Z"]:
+    """Turn expected changes of mode at each node into probabilities, drawn to those of all nodes together."""
+    everywhere = counts.sum(axis=0) + ANY_PSEUDO + STAY_PSEUDO * np.eye(counts.shape[1])
+    everywhere /= everywhere.sum(axis=1, keepdims=True)
+    return (counts + SWITCH_PSEUDO * everywhere) / (counts.sum(axis=2, keepdims=True) + SWITCH_PSEUDO)
+
+
+def log_policy(ways: Ways, weights: Mapping[str, Any]) -> Float[np.ndarray, "Z X V"]:
     """Compute log π_z(y | s) of every mode, heading and option; −inf where there is no option."""
     data = {"target": ways.target, "features": ways.habits}
     with jax.enable_x64(True):

@@ -64,7 +64,7 @@ def _wants(
     entries = []
     for place, activity in np.argwhere(begun[:, : recordings.num_behaviours] >= LEAST_BEGUN):
         weight, error = float(reward[place, activity]), float(spread[place, activity])
-        if weight > SURE * error:
+        if weight > SURE * error and recordings.names[activity] != recordings.moving:  # which is a way, no aim
             where = f" at {places[place]}" if places[place] else ""
             times = f" ({begun[place, activity]:.0f} of the {begun[place].sum():.0f} changes there)"
             entries.append({"what": recordings.names[activity] + where + times, "weight": weight, "spread": error})

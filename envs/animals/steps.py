@@ -48,6 +48,7 @@ class Recordings(NamedTuple):
     names: tuple[str, ...]  # of the codes: behaviours, then "moving to PLACE"
     behaviour_of: Int[np.ndarray, " C"]  # the behaviour of each code
     destination: Int[np.ndarray, " C"]  # the place that a code moves to; NONE for the others
+    moving: str  # the behaviour that leads from place to place; empty where there is none
     places: tuple[str, ...]
     recordings: tuple[str, ...]
     sites: tuple[str, ...]
@@ -121,6 +122,7 @@ def recordings_of(
         names=coded.names,
         behaviour_of=behaviour_of,
         destination=destination,
+        moving=mapping.moving,
         places=coded.places,
         recordings=tuple(map(str, recording_names.tolist())),
         sites=tuple(site_names.tolist()),

@@ -45,7 +45,7 @@ def run(settings: Settings, words: Sequence[str]) -> dict[str, Any]:
     write_whole(folder / "report.md", report.report(found, title, command, commit, captions, extra))
     numbers = numbers_of(found, command, commit)
     write_whole(folder / "numbers.json", json.dumps(numbers, indent=1) + "\n")
-    np.savez_compressed(folder / "recovered.npz", **arrays(found))
+    np.savez_compressed(folder / "recovered.npz", allow_pickle=False, **arrays(found))
     print(card.closing(entries))
     print(folder / "report.md")
     return numbers

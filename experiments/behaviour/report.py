@@ -13,6 +13,8 @@ from aircl_jax.reports.behaviour_card import LACKS, ranked, survives
 from envs.animals.steps import Recordings
 from experiments.behaviour.tables import Comparison, Study
 
+Table = tuple[Sequence[str], Sequence[Sequence[str]]]  # a head and its rows
+
 CHOSEN_HERE = (
     "Features and ridges were chosen by those who wrote this model while they looked at these nine folds; the gain on another "
     "herd may be smaller. Below, features and ridges are chosen anew for each fold from the other folds alone."
@@ -73,7 +75,7 @@ def _tables(recordings: Recordings) -> Iterator[str]:
         yield markdown.bullets(LACKS[name] for name in recordings.lacks)
 
 
-def comparison_table(comparisons: Sequence[Comparison]) -> tuple[Sequence[str], list[Sequence[str]]]:
+def comparison_table(comparisons: Sequence[Comparison]) -> Table:
     """Set the gains over the chain side by side: a row for each way to read the rows."""
     head = ("steps judged", "chain", "model", "gain a step, folds", "recordings", "gain a change", "whether", "where")
     rows = [
@@ -98,12 +100,12 @@ def gain(value: Gain, digits: int = 4) -> str:
     return f"{value.mean:{number}} [{value.low:{number}}, {value.high:{number}}], {value.won} of {value.of}"
 
 
-def _counted_table(study: Study) -> tuple[Sequence[str], list[Sequence[str]]]:
+def _counted_table(study: Study) -> Table:
     rows = [(one.context, f"{one.strength:g}", f"{one.nats:.4f}", gain(one.behind)) for one in study.counted]
     return ("counting, back-off", "pseudo-count", "nats", "the model's gain over it"), rows
 
 
-def age_table(ages: Sequence[AgeClass]) -> tuple[Sequence[str], list[Sequence[str]]]:
+def age_table(ages: Sequence[AgeClass]) -> Table:
     """Compare the chance of leaving by age: observed, chain, model."""
     rows = [(age_label(one), f"{one.steps:,}", f"{one.observed:.3f}", f"{one.chain:.3f}", f"{one.model:.3f}") for one in ages]
     return ("age of the bout, rows", "steps", "left", "chain", "model"), rows
@@ -121,13 +123,13 @@ def _figure(captions: dict[str, str], name: str) -> Iterator[str]:
         yield captions[name]
 
 
-def _leaving_rows(study: Study) -> list[Sequence[str]]:
+def _leaving_rows(study: Study) -> Sequence[Sequence[str]]:
     whole, spread = study.fitted.behaviour, study.fitted.spread
     return _rows(whole.leaving_names, whole.leaving, spread.leaving, SHOWN, sure=True)
 
 
-def _rows(names: Sequence[str], values: np.ndarray, errors: np.ndarray, most: int, *, sure: bool) -> list[Sequence[str]]:
-    shown = [k for k in np.argsort(-np.abs(values)) if not sure or abs(values[k]) > 1.96 * errors[k]]
+def _rows(names: Sequence[str], values: np.ndarray, errors: np.ndarray, most: int, *, sure: bool) -> Sequence[Sequence[str]]:
+    shown = [int(k) for k in np.argsort(-np.abs(values)) if not sure or abs(values[k]) > 1.96 * errors[k]]
     return [(names[k], f"{values[k]:+.2f}", f"{errors[k]:.2f}") for k in shown[:most] if names[k] != "always"]
 
 
@@ -151,15 +153,12 @@ def going_coefficients(
     return labels, np.array(values), np.array(errors)
 
 
-def _going_rows(study: Study) -> list[Sequence[str]]:
+def _going_rows(study: Study) -> Sequence[Sequence[str]]:
     columns, fitted = study.columns, study.fitted
-    found = going_coefficients(columns.choices, fitted.behaviour, fitted.spread, columns.recordings.names)
+    names, values, errors = going_coefficients(columns.choices, fitted.behaviour, fitted.spread, columns.recordings.names)
     shared = len(columns.choices.fields)
-    always = [
-        (name, f"{value:+.2f}", f"{error:.2f}") for name, value, error in zip(*(part[:shared] for part in found), strict=True)
-    ]
-    labels, values, errors = (part[shared:] for part in found)
-    return [*always, *_rows(labels, values, errors, SHOWN - shared, sure=True)]
+    always = _rows(names[:shared], values[:shared], errors[:shared], shared, sure=False)
+    return [*always, *_rows(names[shared:], values[shared:], errors[shared:], SHOWN - shared, sure=True)]
 
 
 def _trips(study: Study) -> Iterator[str]:

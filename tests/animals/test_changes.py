@@ -12,7 +12,7 @@ from tests.animals.herds import FORBIDDEN, goat_recordings
 @pytest.mark.parametrize(("made", "expected"), [(0, 10.0), (3, 4.0), (12, 10.0), (1, 20.6)])
 def test_the_bayes_factor_is_forbidden_with_lapses_over_ordinary_with_scatter(made, expected):
     def ordinary(x: float) -> float:
-        return stats.poisson.pmf(made, expected * np.exp(x)) * stats.norm.pdf(x)
+        return float(stats.poisson.pmf(made, expected * np.exp(x)) * stats.norm.pdf(x))
 
     allowed, _ = integrate.quad(ordinary, -8, 8, epsabs=1e-13)
     forbidden = stats.poisson.pmf(made, 0.01 * expected)
