@@ -12,7 +12,7 @@ from aircl_jax.animals.modes import Modes, Start, fit_modes, predict
 from envs.animals.labyrinth import FOLDS, HOME, WATER_PORT, Mice
 
 NUMBER = 5  # modes
-ROUNDS = 30
+ROUNDS = 80
 STARTS: tuple[tuple[Start, int], ...] = (("named", 0), ("random", 1), ("random", 2), ("random", 3))
 LEAST_SHARE = 0.05  # of the steps: rarer modes are not ranked
 SIZES = (2, 4, 8, 16, 48)  # recordings to learn from
