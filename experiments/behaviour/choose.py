@@ -1,4 +1,7 @@
-"""Choose features and ridges for each fold from the other folds alone, and judge the choice."""
+"""Choose features and ridges for each fold from the other folds alone, and judge the choice.
+
+Each fit begins where the last of its variant ended (`last`); the problems are convex, so that moves no result.
+"""
 
 from functools import partial
 
@@ -7,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from aircl_jax.animals.behaviour import TEMPO, Design, design, leaving_groups
 from aircl_jax.animals.counting import counts_by_recording, smoothed_chain
-from aircl_jax.animals.going import MODEL, fit_going, log_going
+from aircl_jax.animals.going import MODEL, Weights, fit_going, log_going
 from aircl_jax.animals.held_out import folds_of, over_folds, over_recordings, predict_chain
 from aircl_jax.animals.leaving import fit_leaving, log_leaving
 from aircl_jax.animals.nested import nested_selection
@@ -24,8 +27,8 @@ def nested(recordings: Recordings) -> list[str]:
     """Choose among the full model, the model without a group of features, and other ridges; return the report's lines."""
     whether, where = _variants(recordings)
     steps, folds = recordings.steps, folds_of(recordings)
-    of_whether = nested_selection(whether, partial(_leaving, recordings), folds, steps.recording)
-    of_where = nested_selection(where, partial(_going, recordings), folds, steps.recording)
+    of_whether = nested_selection(whether, partial(_leaving, recordings, {}), folds, steps.recording)
+    of_where = nested_selection(where, partial(_going, recordings, {}), folds, steps.recording)
     counts = counts_by_recording(recordings, steps.in_window.astype(np.float64))
     chain = np.zeros(len(steps.code))
     some = next(iter(whether.values()))
@@ -57,15 +60,21 @@ def _variants(recordings: Recordings) -> tuple[dict[str, Design], dict[str, Desi
     return whether, where
 
 
-def _leaving(recordings: Recordings, variant: Design, trained: Bool[np.ndarray, " R"]) -> Float[np.ndarray, " N"]:
+def _leaving(
+    recordings: Recordings, last: dict[int, Float[np.ndarray, " K"]], variant: Design, trained: Bool[np.ndarray, " R"]
+) -> Float[np.ndarray, " N"]:
     steps, columns = recordings.steps, variant.leaving(trained)
-    weights = fit_leaving(columns, variant.left, trained[steps.recording] * steps.in_window.astype(np.float64))
+    use = trained[steps.recording] * steps.in_window.astype(np.float64)
+    weights = last[id(variant)] = fit_leaving(columns, variant.left, use, last.get(id(variant)))
     return log_leaving(columns, weights, variant.left)[0]
 
 
-def _going(recordings: Recordings, variant: Design, trained: Bool[np.ndarray, " R"]) -> Float[np.ndarray, " N"]:
+def _going(
+    recordings: Recordings, last: dict[int, Weights], variant: Design, trained: Bool[np.ndarray, " R"]
+) -> Float[np.ndarray, " N"]:
     steps, choices = recordings.steps, variant.choices
     use = trained[steps.recording] * steps.in_window.astype(np.float64)
     nats = np.zeros(len(steps.code))
-    nats[choices.step] = log_going(choices, fit_going(choices, use[choices.step]))
+    weights = last[id(variant)] = fit_going(choices, use[choices.step], last.get(id(variant)))
+    nats[choices.step] = log_going(choices, weights)
     return nats
