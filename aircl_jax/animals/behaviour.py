@@ -13,7 +13,7 @@ from aircl_jax.animals import features as of_step
 from aircl_jax.animals.features import LEAVING, Features
 from aircl_jax.animals.going import MODEL, Choices, Weights, choices_of, fit_going, log_going
 from aircl_jax.animals.leaving import fit_leaving, log_leaving
-from envs.animals.steps import Recordings
+from aircl_jax.animals.steps import Recordings
 
 TEMPO = "tempo"  # the group of columns that depends on which recordings are trained on
 

@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.special import expit, logsumexp
 
 from aircl_jax.animals.going import Choices, Weights, fit_going, utility
-from envs.animals.steps import Recordings
+from aircl_jax.animals.steps import Recordings
 
 SCATTER = 1.0  # σ: by how much, in nats, an ordinary pair may differ from what the model expects
 PRIOR = 0.1  # share of the possible pairs that are forbidden before anything is seen

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from envs.animals.steps import Lack, Recordings
+from aircl_jax.animals.steps import Lack, Recordings
 
 OLDEST = 120  # rows; older bouts count as this old
 YOUNG = (1, 2, 5)  # rows: the first, the first two, the first five of a bout

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from aircl_jax.animals.features import Features, joined, named, one_hot, somebody
 from aircl_jax.animals.minimise import minimise
-from envs.animals.steps import NONE, Lack, Recordings, Steps, possible_changes
+from aircl_jax.animals.steps import NONE, Lack, Recordings, Steps, possible_changes
 
 YOUNG = 3  # rows: a change back after so short a bout is an interruption
 GROUPS: dict[str, tuple[Lack, ...]] = {

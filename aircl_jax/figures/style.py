@@ -43,6 +43,11 @@ class Drawing(NamedTuple):
         return picture.getvalue()
 
 
+def literal(label: str) -> str:
+    """Write a label of the user's data so that matplotlib reads no formula in it."""
+    return label.replace("$", r"\$")
+
+
 def over_seeds(result: Result) -> str:
     """Name the run, as in `aircl_corrected on gridworld, 10 seeds`."""
     number = len(result.summary["seeds"])

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from aircl_jax.animals.changes import TESTABLE, Changes, Halves
-from envs.animals.steps import Recordings
+from aircl_jax.animals.steps import Recordings
 
 LEAST_BEGUN = 10  # times that an activity was begun at a place, below which its reward there is not listed
 SURE = 1.96  # standard errors by which a reward must exceed the place's mean
@@ -66,7 +66,7 @@ def _wants(
         weight, error = float(reward[place, activity]), float(spread[place, activity])
         if weight > SURE * error and recordings.names[activity] != recordings.moving:  # which is a way, no aim
             where = f" at {places[place]}" if places[place] else ""
-            times = f" ({begun[place, activity]:.0f} of the {begun[place].sum():.0f} changes there)"
+            times = f" ({begun[place, activity]:.0f} of the {begun[place].sum():.0f} changes{' there' if where else ''})"
             entries.append({"what": recordings.names[activity] + where + times, "weight": weight, "spread": error})
     return sorted(entries, key=lambda entry: -entry["weight"])
 

@@ -9,13 +9,13 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from aircl_jax.animals.steps import NONE, Recordings, read_recordings
 from aircl_jax.figures.animals import behaviour
 from aircl_jax.figures.style import DPI, STYLE, Drawing
 from aircl_jax.reports import card
 from aircl_jax.reports.behaviour_card import behaviour_card
 from aircl_jax.storage import write_whole
 from envs.animals.data_folder import command_prefix
-from envs.animals.steps import NONE, Recordings, read_recordings
 from experiments.behaviour import choose, report
 from experiments.behaviour.settings import Settings
 from experiments.behaviour.tables import Study, study

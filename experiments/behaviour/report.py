@@ -8,9 +8,9 @@ import numpy as np
 from aircl_jax.animals.behaviour import Behaviour
 from aircl_jax.animals.going import Choices
 from aircl_jax.animals.held_out import AgeClass, Gain
+from aircl_jax.animals.steps import Recordings
 from aircl_jax.reports import markdown
 from aircl_jax.reports.behaviour_card import LACKS, ranked, survives
-from envs.animals.steps import Recordings
 from experiments.behaviour.tables import Comparison, Study
 
 Table = tuple[Sequence[str], Sequence[Sequence[str]]]  # a head and its rows

@@ -22,8 +22,8 @@ from aircl_jax.animals.held_out import (
     over_folds,
     over_recordings,
 )
+from aircl_jax.animals.steps import NONE, Recordings
 from aircl_jax.animals.trips import Trips, study_trips
-from envs.animals.steps import NONE, Recordings
 
 
 class Comparison(NamedTuple):

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FormatStrFormatter, NullLocator
 
-from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing
+from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing, literal
 
 SMALL = 5.5
 PALE = "#f2f2f2"
@@ -32,8 +32,10 @@ def reward_map(
         number = f"{begun[place, activity]:.0f}"
         axis.text(activity, place, number, ha="center", va="center", fontsize=SMALL, color="white" if dark else BLACK)
     figure.colorbar(image, label="reward of beginning it there (nats)", shrink=0.9)
-    axis.set_xticks(range(len(behaviours)), behaviours, rotation=40, ha="right", rotation_mode="anchor", fontsize=SMALL)
-    axis.set_yticks(range(len(places)), places, fontsize=SMALL)
+    axis.set_xticks(
+        range(len(behaviours)), list(map(literal, behaviours)), rotation=40, ha="right", rotation_mode="anchor", fontsize=SMALL
+    )
+    axis.set_yticks(range(len(places)), list(map(literal, places)), fontsize=SMALL)
     _framed(axis)
     return Drawing(
         "reward_by_place",
@@ -99,7 +101,7 @@ def expected_changes(
         axis.set_xticks(range(len(names)), [str(code) for code in range(len(names))], fontsize=4.5)
         axis.set_xlabel("to")
         _framed(axis)
-    axes[0].set_yticks(range(len(names)), [f"{name}  {code}" for code, name in enumerate(names)], fontsize=SMALL)
+    axes[0].set_yticks(range(len(names)), [f"{literal(name)}  {code}" for code, name in enumerate(names)], fontsize=SMALL)
     axes[0].set_ylabel("from")
     return Drawing(
         "expected_changes",
