@@ -75,7 +75,7 @@ def as_json(card: Card) -> str:
 
 def as_markdown(card: Card, title: str) -> str:
     """Write card.md."""
-    wants = [(entry["what"], f"{entry['weight']:.2f} ± {entry['spread']:.2f}") for entry in card["wants"][:MOST]]
+    wants = [(entry["what"], _weight(entry)) for entry in card["wants"][:MOST]]
     never = [
         (entry["what"], _limit(entry), _times(entry["tempted"]), _times(entry["done"]), entry["how"])
         for entry in card["never"][:MOST]
@@ -195,6 +195,10 @@ def _beyond(result: Result, names: Sequence[str], index: int, limit: float, side
     else:
         values = np.asarray(result.expert.obs[0])[unmasked][:, env.coordinate_names.index(name)]
     return float((values > limit).sum() if side == "above" else (values < limit).sum())
+
+
+def _weight(entry: Mapping[str, Any]) -> str:
+    return f"{entry['weight']:.2f}" + ("" if entry["spread"] is None else f" ± {entry['spread']:.2f}")
 
 
 def _limit(entry: Mapping[str, Any]) -> str:

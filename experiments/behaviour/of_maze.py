@@ -113,7 +113,7 @@ def maze_card(found: MazeStudy) -> dict[str, Any]:
         name = {WATER_PORT: "the water port", HOME: "home"}.get(node, f"node {node}")
         weight, second = (float(value) for value in np.sort(modes.reward[mode])[::-1][:2])
         what = f"{name}, in a mode of {modes.share[mode]:.0%} of the moves (the next place {second:.1f})"
-        wants.append({"what": what, "weight": weight, "spread": 0.0})
+        wants.append({"what": what, "weight": weight, "spread": None})
     made, possible = found.share_made
     return {
         "wants": sorted(wants, key=lambda entry: -entry["weight"]),
