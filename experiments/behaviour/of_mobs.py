@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from aircl_jax.algorithm.measures import auroc
 from aircl_jax.analysis.recovered import expected
-from aircl_jax.animals.changes import Changes, avoided_changes
+from aircl_jax.animals.changes import Changes, avoided_changes, expected_times, fit_ordinary, ordinary_share
 from aircl_jax.animals.going import ORDINARY, choices_of
 from aircl_jax.animals.steps import NONE, Recordings, recordings_of
 from aircl_jax.reports import markdown
@@ -27,6 +27,7 @@ SIZES = (100, 300, 900)  # windows
 CHOOSING = 100  # seed of the mob on which scatter and prior are chosen; no other number is of it
 SCATTERS, PRIORS = (0.7, 1.0, 1.5), (0.05, 0.1, 0.15, 0.2)
 CHOSEN_AT = 300  # windows
+HIDDEN = 0.2  # share of the pairs that were made
 FALSE_COST = 2.0  # found changes that one false alarm outweighs, in the choice
 COUNTED = 5.0  # expected times above which counting calls a change that was never made avoided
 
@@ -35,6 +36,7 @@ class Mob(NamedTuple):
     recordings: Recordings
     forbidden: Bool[np.ndarray, "C C"]
     possible: Bool[np.ndarray, "C C"]
+    reward: Float[np.ndarray, "C C"]
 
 
 def mob(seed: int) -> Mob:
@@ -42,7 +44,8 @@ def mob(seed: int) -> Mob:
     tracks = simulated_meerkats.simulated_tracks(seed)
     recordings = recordings_of(code_rows(tracks, simulated_meerkats.MAPPING), simulated_meerkats.MAPPING, simulated=True)
     truth = simulated_meerkats.truth()
-    return Mob(recordings, truth.forbidden, ~truth.structural & ~np.eye(len(truth.forbidden), dtype=bool))
+    possible = ~truth.structural & ~np.eye(len(truth.forbidden), dtype=bool)
+    return Mob(recordings, truth.forbidden, possible, truth.reward)
 
 
 def seen_in(one: Mob, size: int, seed: int) -> Float[np.ndarray, " n"]:
@@ -82,6 +85,31 @@ def judged(one: Mob, size: int, seed: int, scatter: float, prior: float) -> dict
     return numbers
 
 
+def hidden_pairs(one: Mob, size: int, seed: int) -> dict[str, float]:
+    """Hide a fifth of the pairs that were made, and correlate what is expected of them with the true reward.
+
+    The test's expectation is of place and activity, counting's of how often each activity begins.
+    """
+    choices, weight = choices_of(one.recordings, ORDINARY), seen_in(one, size, seed)
+    made = np.zeros(one.possible.shape)
+    np.add.at(made, (choices.left, choices.chosen), weight)
+    hidden = (made > 0) & one.possible & (np.random.default_rng(seed).random(made.shape) < HIDDEN)
+    kept = weight * ~hidden[choices.left, choices.chosen]
+    share = ordinary_share(choices, fit_ordinary(choices, kept, hidden), hidden)
+    out_of = np.bincount(choices.left, weight, len(made))[:, None]
+    model = expected_times(choices, share, weight) / np.maximum(out_of, 1.0)
+    counts = np.where(hidden, 0.0, made)
+    counting = expected(counts.astype(np.int64), ~one.possible & ~np.eye(len(made), dtype=bool))
+    counting = counting / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    judged = hidden & (model > 0) & (counting > 0)
+    return {
+        f"correlation with the reward of hidden pairs, {name}": float(
+            np.corrcoef(np.log(share[judged]), one.reward[judged])[0, 1]
+        )
+        for name, share in (("expected", model), ("counting", counting))
+    }
+
+
 def _auroc(score: Float[np.ndarray, " K"], positive: Bool[np.ndarray, " K"]) -> float:
     return float(auroc(jnp.asarray(score), jnp.asarray(positive, float), jnp.asarray(~positive, float)))
 
@@ -108,11 +136,17 @@ def run(settings: Settings, words: Sequence[str]) -> dict[str, Any]:
     for seed in range(settings.mobs):
         one = mob(seed)
         for size in SIZES:
-            by_size[size].append(judged(one, size, seed, scatter, prior))
+            by_size[size].append(judged(one, size, seed, scatter, prior) | hidden_pairs(one, size, seed))
     names = list(by_size[SIZES[0]][0])
     command = shlex.join(["python", "-m", "experiments.behaviour", *words])
     rows = [
-        (name, *(spread([numbers[name] for numbers in by_size[size]], 3 if "AUROC" in name else 1) for size in SIZES))
+        (
+            name,
+            *(
+                spread([numbers[name] for numbers in by_size[size]], 1 if name.startswith(("found", "false")) else 3)
+                for size in SIZES
+            ),
+        )
         for name in names
     ]
     seconds = time.perf_counter() - began
