@@ -56,7 +56,7 @@ def doing_the_same(recordings: Recordings, doing: Float[np.ndarray, "N B"]) -> B
 def _activity(recordings: Recordings) -> Features:
     codes = one_hot(recordings.steps.code, len(recordings.names))
     every = np.ones((len(codes), 1))
-    return joined([named(every, ["always"], 0.01), named(codes, recordings.names, 1.0)])
+    return joined([named(every, ["always"], 0.01), named(codes, [f"in {name}" for name in recordings.names], 1.0)])
 
 
 def _age(recordings: Recordings) -> Features:

@@ -4,6 +4,7 @@ Each fit begins where the last of its variant ended (`last`); the problems are c
 """
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,8 +24,11 @@ WITHOUT_WHETHER = ("age by activity", "previous activity", "place", "neighbours'
 WITHOUT_WHERE = ("place", "neighbours' behaviour", "return")
 
 
-def nested(recordings: Recordings) -> list[str]:
-    """Choose among the full model, the model without a group of features, and other ridges; return the report's lines."""
+def nested(recordings: Recordings) -> tuple[list[str], dict[str, Any]]:
+    """Choose among the full model, the model without a group of features, and other ridges.
+
+    Return the report's lines, and the numbers.
+    """
     whether, where = _variants(recordings)
     steps, folds = recordings.steps, folds_of(recordings)
     of_whether = nested_selection(whether, partial(_leaving, recordings, {}), folds, steps.recording)
@@ -45,7 +49,14 @@ def nested(recordings: Recordings) -> list[str]:
     gains = f"{gain(folds_gain)} folds; {gain(recordings_gain)} recordings"
     how = "Features and ridges of each fold are chosen on the other folds, each of these fitted without either."
     table = markdown.table(("fold", "whether", "where"), rows)
-    return [f"**Nested selection.** {how} Gain a step over the smoothed chain, windows: {gains}.", table]
+    lines = [f"**Nested selection.** {how} Gain a step over the smoothed chain, windows: {gains}.", table]
+    numbers = {
+        "per_step": folds_gain._asdict(),
+        "by_recording": recordings_gain._asdict(),
+        "whether": of_whether.chosen,
+        "where": of_where.chosen,
+    }
+    return lines, numbers
 
 
 def _variants(recordings: Recordings) -> tuple[dict[str, Design], dict[str, Design]]:

@@ -15,10 +15,6 @@ from experiments.behaviour.tables import Comparison, Study
 
 Table = tuple[Sequence[str], Sequence[Sequence[str]]]  # a head and its rows
 
-CHOSEN_HERE = (
-    "Features and ridges were chosen by those who wrote this model while they looked at these nine folds; the gain on another "
-    "herd may be smaller. Below, features and ridges are chosen anew for each fold from the other folds alone."
-)
 BOOTSTRAP = "[ ]: 95 %, of folds by t, of recordings by bootstrap."
 SHOWN = 25  # coefficients of leaving
 

@@ -43,6 +43,10 @@ def _meerkat(numbers: Numbers) -> Iterator[str]:
     yield markdown.table(
         ("steps judged", "smoothed chain", "model", "gain a step, folds", "recordings", "where to, a change"), rows
     )
+    if numbers.get("nested"):
+        one = numbers["nested"]
+        folds, recordings = (gain(Gain(**one[key])) for key in ("per_step", "by_recording"))
+        yield f"Features and ridges chosen on the other folds, windows: {folds} folds; {recordings} recordings."
     rows = [(one["context"], f"{one['nats']:.4f}", gain(Gain(**one["behind"]))) for one in numbers["counting"]]
     yield markdown.table(("counting, its pseudo-count best on the test", "nats", "the model's gain"), rows)
     rows = [
