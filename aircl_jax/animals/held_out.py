@@ -85,10 +85,10 @@ def predict_chain(columns: Design, log_chain: Float[np.ndarray, "C C"]) -> Predi
 
 
 def over_folds(values: Float[np.ndarray, " n"], count: Float[np.ndarray, " n"], fold: Int[np.ndarray, " n"]) -> Gain:
-    """Average Σ values / Σ count over folds, with a t interval."""
+    """Average Σ values / Σ count over folds, with a t interval; NaN with fewer than two folds."""
     shares = _shares(values, count, fold)
-    half = float(stats.t.ppf(0.975, len(shares) - 1)) * shares.std(ddof=1) / len(shares) ** 0.5
-    mean = float(shares.mean())
+    mean, number = float(shares.mean()), len(shares)
+    half = float(stats.t.ppf(0.975, number - 1)) * shares.std(ddof=1) / number**0.5 if number > 1 else float("nan")
     return Gain(mean, mean - float(half), mean + float(half), int((shares > 0).sum()), len(shares))
 
 

@@ -25,8 +25,8 @@ FEASIBILITY = Path("results/figure4/recorded/aircl_corrected.json")  # δ₁ to 
 
 
 CHOSEN_HERE = (
-    "Features and ridges were chosen while looking at these nine folds, so the gain on another herd may be smaller; `nested=true` "
-    "chooses them for each fold on the others."
+    "Features and ridges were chosen while looking at these nine folds, so the gain on another herd may be smaller. "
+    "`nested=true` chooses them for each fold on the others."
 )
 
 
@@ -52,7 +52,7 @@ def run(settings: Settings, words: Sequence[str]) -> dict[str, Any]:
     write_whole(folder / "card.md", card.as_markdown(entries, title))
     write_whole(folder / "report.md", report.report(found, title, command, commit, captions, extra))
     numbers = numbers_of(found, command, commit) | {"nested": nested}
-    write_whole(folder / "numbers.json", json.dumps(numbers, indent=1) + "\n")
+    write_whole(folder / "numbers.json", json.dumps(without_nan(numbers), indent=1, allow_nan=False) + "\n")
     np.savez_compressed(folder / "recovered.npz", allow_pickle=False, **arrays(found))
     print(card.closing(entries))
     print(folder / "report.md")
@@ -72,13 +72,6 @@ def draw(found: Study, folder: Path, feasibility: np.ndarray | None) -> dict[str
     places = recordings.places if "places" not in recordings.lacks else ("anywhere",)
     with mpl.rc_context(STYLE):
         drawings: list[Drawing] = [
-            behaviour.leaving_by_age(
-                [report.age_label(one) for one in ages],
-                [one.observed for one in ages],
-                [one.chain for one in ages],
-                [one.model for one in ages],
-                "rows" if recordings.seconds != 1 else "s",
-            ),
             behaviour.reward_map(
                 fitted.reward[:, :behaviours], fitted.begun[:, :behaviours], places, recordings.names[:behaviours]
             ),
@@ -86,6 +79,11 @@ def draw(found: Study, folder: Path, feasibility: np.ndarray | None) -> dict[str
                 changes.expected, changes.made, changes.flagged, changes.possible, recordings.names, feasibility
             ),
         ]
+        if ages:
+            observed, chain, model = ([getattr(one, name) for one in ages] for name in ("observed", "chain", "model"))
+            unit = "rows" if recordings.seconds != 1 else "s"
+            labels = [report.age_label(one) for one in ages]
+            drawings.append(behaviour.leaving_by_age(labels, observed, chain, model, unit))
         for drawing in drawings:
             drawing.figure.savefig(folder / f"{drawing.name}.png", dpi=DPI)
     return {drawing.name: drawing.caption for drawing in drawings}
@@ -119,6 +117,15 @@ def arrays(found: Study) -> dict[str, np.ndarray]:
         "possible": changes.possible,
         "flagged": changes.flagged,
     }
+
+
+def without_nan(value: Any) -> Any:
+    """Replace what is undefined by None, which JSON has."""
+    if isinstance(value, dict):
+        return {name: without_nan(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def numbers_of(found: Study, command: str, commit: str) -> dict[str, Any]:

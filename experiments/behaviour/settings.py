@@ -38,7 +38,7 @@ class Settings:
     def reported(self) -> bool:
         """Whether these are the recordings and settings of the project's own results."""
         own = self.mapping == "meerkat" and self.coding == "bout" and (not self.simulated or self.env == "mobs")
-        return own and self.out == "default"
+        return own and self.data == self.out == "default"
 
     @property
     def folder(self) -> Path:
@@ -48,4 +48,4 @@ class Settings:
         if self.reported:
             return Path(RESULTS) / self.env
         name = Path(self.mapping).stem if self.mapping != "meerkat" else f"{self.env}_simulated" if self.simulated else self.env
-        return Path(ELSEWHERE) / name
+        return Path(ELSEWHERE) / (name if self.coding == "bout" else f"{name}_{self.coding}")

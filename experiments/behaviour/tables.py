@@ -148,6 +148,13 @@ def reward_by_place(columns: Design, behaviour: Behaviour) -> Float[np.ndarray, 
     return reward - reward[:, : recordings.num_behaviours].mean(axis=1, keepdims=True)
 
 
+def _apart(recordings: Recordings) -> bool:
+    """Return whether the windows hold some of the steps, in two folds or more, and leave some out."""
+    steps = recordings.steps
+    held = np.unique(folds_of(recordings)[steps.recording[steps.in_window]])
+    return len(held) > 1 and not steps.in_window.all()
+
+
 def study(recordings: Recordings, halves: int, others: dict[str, Recordings]) -> Study:
     """Do all of it. `others` are the same recordings read in another way, whose gain is reported too."""
     seconds: dict[str, float] = {}
@@ -162,7 +169,7 @@ def study(recordings: Recordings, halves: int, others: dict[str, Recordings]) ->
     whole, held = compare("every step of every segment", columns)
     comparisons = [whole]
     counted_on = held
-    if recordings.steps.in_window.any() and not recordings.steps.in_window.all():
+    if _apart(recordings):
         windows, counted_on = compare("windows", columns, recordings.steps.in_window)
         comparisons = [windows, whole]
     lap("folds")

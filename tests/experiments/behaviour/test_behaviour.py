@@ -79,5 +79,6 @@ def test_results_of_others_do_not_go_where_the_projects_own_are(monkeypatch, tmp
     (tmp_path / "meerkat").mkdir()
     monkeypatch.setenv("AIRCL_DATA", str(tmp_path))
     assert str(Settings().folder) == "results/behaviour/meerkat"
-    assert str(Settings(coding="step").folder) == "runs/behaviour/meerkat"
+    assert str(Settings(data=str(tmp_path)).folder) == "runs/behaviour/meerkat"
+    assert str(Settings(coding="step").folder) == "runs/behaviour/meerkat_step"
     assert str(Settings(mapping="goats.yaml").folder) == "runs/behaviour/goats"
