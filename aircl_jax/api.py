@@ -31,7 +31,7 @@ from envs.animals.data_folder import command_prefix
 
 def train(
     env: str | Env = "gridworld",
-    method: str = "aircl_corrected",
+    method: str = "default",
     *,
     seeds: int = 10,
     first_seed: int = 0,
@@ -48,7 +48,7 @@ def train(
 ) -> Result:
     """Learn a reward, a constraint and a policy from demonstrations.
 
-    By default `iterations`, `demonstrations` and `config` are the environment's own; `config` may be a nested mapping
+    By default `method`, `iterations`, `demonstrations` and `config` are the environment's own; `config` may be a nested mapping
     of the fields to change. With `run_dir` everything is also kept there, and `resume` continues it.
     Each of `recorders` is told of every chunk, after it has been kept; what one of them raises ends the run.
 

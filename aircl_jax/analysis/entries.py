@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from aircl_jax.algorithm.entries import expected_entries, log_policy, shown_by
 from aircl_jax.analysis import exact
@@ -34,12 +34,12 @@ def slopes(result: Result) -> Float[np.ndarray, "S P"]:
     return np.asarray(result.states.params.reward["potential"])
 
 
-def tempted_share(reward: Float[np.ndarray, "X A"], table: Tabular, horizon: int, forbidden: Float[np.ndarray, " X"]) -> float:
+def tempted_share(reward: Float[np.ndarray, "X A"], table: Tabular, horizon: int, forbidden: Bool[np.ndarray, " X"]) -> float:
     """Compute the share of steps that the soft plan of a reward alone spends in states that were found forbidden.
 
     It is the test of identification that needs no truth: where it is about 0 the reward itself keeps clear of them.
     """
-    world = exact.world_of(table)._replace(forbidden=forbidden > 0)
+    world = exact.world_of(table)._replace(forbidden=forbidden)
     return exact.evaluate(*world, exact.soft_plan(world.transition, reward, horizon)).violating_steps
 
 

@@ -12,7 +12,7 @@ from aircl_jax.demonstrations import files
 from aircl_jax.demonstrations.sources import REFERENCE_SEED
 from aircl_jax.methods import Method, get_method
 from aircl_jax.settings.checks import check_config
-from aircl_jax.settings.env_defaults import default_config
+from aircl_jax.settings.env_defaults import CORRECTED, default_config, default_method
 from aircl_jax.settings.renamed import refuse_old_names, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
@@ -85,6 +85,8 @@ def make_spec(
         )
     world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
     check_env(world)
+    if method == "default":
+        method = CORRECTED if isinstance(env, Env) else default_method(env)
     row = get_method(method, contrast_prior)
     if not isinstance(config, TrainConfig):
         refuse_old_names(config, "train")

@@ -142,6 +142,16 @@ TUNED: dict[str, TrainConfig] = {
 }
 
 
+# The row that a world runs with where none is named; any other world runs with CORRECTED.
+DEFAULT_METHODS = {"gridworld": "aircl_contrast"}
+CORRECTED = "aircl_corrected"
+
+
+def default_method(env_name: str) -> str:
+    """Return the row that an environment runs with where none is named."""
+    return DEFAULT_METHODS.get(env_name, CORRECTED)
+
+
 def has_own_settings(env_name: str) -> bool:
     """Whether an environment is in the tables; any other runs with the defaults of TrainConfig."""
     return env_name in PAPER and env_name in TUNED

@@ -73,7 +73,7 @@ def _arguments(argv: Sequence[str]) -> Iterator[None]:
 def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
     if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
         group, _, name = error.missing_cfg_file.rpartition("/")
-        return f"unknown {group} {name!r}; choose from {', '.join(error.options)}"
+        return f"unknown {group} {name!r}; choose from {', '.join(hydra_settings.GROUPS.get(group, error.options))}"
     unknown = re.search(r"Could not override '([^']+)'", str(error))
     if isinstance(error, ConfigCompositionException) and unknown:
         key = getattr(error.__cause__, "full_key", None) or unknown.group(1)  # full_key names the unknown member of a group

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from hydra.core.config_store import ConfigStore
 
 from aircl_jax.methods import METHODS
-from aircl_jax.settings.env_defaults import default_config
+from aircl_jax.settings.env_defaults import default_config, default_method
 from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS
 from envs.settings import plain
@@ -18,7 +18,7 @@ HELP = f"""Learn a reward, a constraint and a policy from demonstrations.
   python -m experiments.run -m env=gridworld,nonmarkov method=aircl_corrected,airl
 
 env             {", ".join(ENVS)}; env.NAME=VALUE changes a setting of it
-method          {", ".join(METHODS)}
+method          default (the environment's own), {", ".join(METHODS)}
 contrast_prior  method, on or off: Eq. 13 as the method has it, added, or removed
 seeds           number of seeds, from first_seed on; seed s is the same run alone and among others
 iterations      iterations of training; with resume=true, a larger number extends a run
@@ -38,7 +38,7 @@ $CONFIG
 class RunSettings:
     """The settings that belong neither to the environment (env.…) nor to training (train.…)."""
 
-    method: str = "aircl_corrected"
+    method: str = "default"
     contrast_prior: Literal["method", "on", "off"] = "method"
     seeds: int = 10
     first_seed: int = 0
@@ -73,10 +73,12 @@ def register() -> None:
     store("run", {"defaults": _DEFAULTS, **asdict(RunSettings()), "hydra": hydra_node("experiments.run", HELP)})
     for name, row in ENVS.items():
         every.store(group="env", name=name, node=plain(asdict(row.options())))
-        for method in METHODS:
+        for choice in ("default", *METHODS):
+            method = default_method(name) if choice == "default" else choice
             train = plain(asdict(default_config(name, METHODS[method].settings)))
-            node = {"iterations": train.pop("iterations"), "train": train}
-            every.store(group="train", name=f"{name}_{method}", node=node, package="_global_")
+            node = {"method": method, "iterations": train.pop("iterations"), "train": train}
+            every.store(group="train", name=f"{name}_{choice}", node=node, package="_global_")
+    every.store(group="method", name="default", node={}, package="_global_")  # it comes with the training's settings
     for method in METHODS:
         every.store(group="method", name=method, node={"method": method}, package="_global_")
 
@@ -97,11 +99,11 @@ def _nested(prefix: str, config: Any) -> Mapping[str, list[str]]:
     return names
 
 
-GROUPS = {"env": list(ENVS), "method": list(METHODS), "scale": ["full", "smoke"], "train": []}
+GROUPS = {"env": list(ENVS), "method": ["default", *METHODS], "scale": ["full", "smoke"], "train": []}
 _DEFAULTS = [
     "_self_",
     {"env": "gridworld"},
-    {"method": "aircl_corrected"},
+    {"method": "default"},
     {"train": "${env}_${method}"},
     {"scale": "full"},
     *QUIET,

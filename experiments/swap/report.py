@@ -7,6 +7,7 @@ import numpy as np
 
 from aircl_jax.reports import markdown
 from experiments.shared.kept_files import keep
+from experiments.swap import power
 from experiments.swap.figure import draw
 from experiments.swap.grid_cells import CONTROLS, REWARDS
 from experiments.swap.robot_tests import TESTS
@@ -45,6 +46,8 @@ GRIDS = """Means over the layouts on which every row is finished, three seeds (`
 score, are shares of episodes less those of the truth's plan. `bc` has no reward: its policy acts as it is. Changed worlds are
 three other starts, wind .2, slip .2, two walls, twice the horizon, and three of these together."""
 APART = "Here 1 is right for `S1` and `split` (below 1, f holds the constraint), 0 for the distance (.71 is unrelated)."
+POWER = """True M is how often the demonstrators, from where they were, would have entered the obstacle had it alone been
+ordinary to them: below about 2 nothing can be known of it. Obstacles found, of all with that M, are counted over seeds."""
 ROBOTS = """Violations, after the score, are shares of timesteps. `S1` is the lift: 0 is the return under the constraint, 1 that
 of r alone; its violations are a multiple of those of r alone. Fresh policies have seeds 9000 and on, those without a
 constraint 9300 and on; a learned seed serves one fresh seed."""
@@ -75,6 +78,9 @@ def markdown_of(cells: Cells, command: str, picture: str) -> str:
         for reward in REWARDS:
             worlds = finished_worlds(cells, reward, rows)
             parts += [f"reward={reward}: {_layouts(worlds)}", _apart_table(cells, worlds, rows)]
+        found = power.found_by_temptation(cells, rows)
+        if found:
+            parts += ["### Who found what", POWER, markdown.table((*power.HEAD, *power.BESIDE), found)]
         done = [world for world in CONTROLS if all(("gridworld", world, row) in cells for row in rows)]
         if done:
             parts += ["### Controls", "A taste in place of a constraint, and experts that lapse, on the default layout."]

@@ -19,7 +19,10 @@ ROOT = Path(__file__).parents[2]
 PAGES = (
     "README.md",
     "CONTRIBUTING.md",
-    *(f"docs/{page}.md" for page in ("guide", "results", "animals", "equations", "experts", "physics", "learner", "swap")),
+    *(
+        f"docs/{page}.md"
+        for page in ("guide", "results", "animals", "equations", "experts", "physics", "learner", "research", "swap")
+    ),
 )
 
 

@@ -63,7 +63,7 @@ def test_a_wrong_setting_is_one_line_and_2_and_nothing_is_made(words, said, aske
 def test_rows_on_grids_are_those_that_a_table_can_have_in_every_world_and_control(asked, tmp_path):
     assert command.main(["worlds=gridworld", f"out={tmp_path}"]) == 0
     assert asked == [(world, row) for world in (*WORLDS, *CONTROLS) for row in command.ROWS_OF_GRIDS]
-    assert len(asked) == (12 + 3) * 5
+    assert len(asked) == (15 + 3) * 7
 
 
 def test_rows_on_a_robot_have_the_tests_that_they_can_have(asked, tmp_path):
@@ -92,7 +92,7 @@ def test_tests_have_names_and_files_of_their_own():
         assert len({study(Path("out")).path(env, "oracle", test.name) for test in tests}) == len(tests)
     assert study(Path("out")).path("swimmer", "bc as it is", "S4 weak") == Path("out/swimmer/bc_as_it_is/S4_weak.json")
     grids = {GridStudy(Path("out"), 3, 0).path(world, "oracle") for world in (*WORLDS, *CONTROLS)}
-    assert len(grids) == 15
+    assert len(grids) == 18
 
 
 def test_which_rows_have_what_a_test_recombines():
@@ -247,9 +247,24 @@ def test_a_learned_row_of_a_grid_is_trained_with_the_settings_of_its_world(monke
     monkeypatch.setattr(grid_cells, "measures", lambda options, one: {"flagged": float(one.forbids.sum())})
     monkeypatch.setattr(grid_cells, "by_world", lambda options, one: {"wind": (0.5, float("nan"))})
     cell = grid_cells.cell(grid_study(tmp_path), "wall, goal", "aircl_corrected")
-    assert seen == {"seeds": 2, "iterations": 4, "env_settings": {"layout": "wall", "reward": "goal"}}
+    world = {"layout": "wall", "reward": "goal"}
+    assert seen == {"seeds": 2, "first_seed": 0, "iterations": 4, "env_settings": world, "config": {}}
     assert cell["seeds"] == [0, 1] and len(cell["metrics"]["flagged"]) == 2
     assert cell["changed_worlds"] == {"wind": [[0.5, None], [0.5, None]]}
+
+
+@pytest.mark.parametrize(("row", "config"), [("aircl_contrast", {}), ("aircl_contrast planned", {"learner": "exact"})])
+def test_the_contrast_rows_have_ten_fresh_seeds_and_keep_what_they_found(monkeypatch, tmp_path, row, config):
+    seen = {}
+    monkeypatch.setattr(grid_cells, "train", lambda env, method, **given: seen.update(given) or untrained(method))
+    monkeypatch.setattr(grid_cells, "measures", lambda options, one: {"flagged": float(one.forbids.sum())})
+    monkeypatch.setattr(grid_cells, "by_world", lambda options, one: {"wind": (0.5, 0.5)})
+    cell = grid_cells.cell(grid_study(tmp_path), "wall, goal", row)
+    assert (seen["seeds"], seen["first_seed"], seen["config"]) == (10, 1000, config)
+    assert np.array(cell["obstacles"]["true_tempted"]).shape == np.array(cell["obstacles"]["found"]).shape == (2, 1)
+    found = np.array(cell["obstacles"]["found"]).sum(axis=1)
+    assert cell["metrics"]["flagged"] == (found + cell["false_flags"]).tolist()
+    assert set(cell["policy"]) == set(grid_cells.OF_THE_POLICY)
 
 
 def test_controls_are_the_default_grid_with_another_taste_or_lapses():
