@@ -16,7 +16,7 @@ FLOORS = (
     ("envs",),
     ("types", "methods", "settings"),
     ("model", "demonstrations"),
-    ("algorithm",),
+    ("algorithm", "animals"),
     ("runs",),
     ("experts",),
     ("analysis",),

@@ -26,6 +26,11 @@ _LOG_POLICY = (
     "the demonstrators' policy and a constant, so f repeats what they do, constraint included, and not why."
 )
 _NO_REWARD = "No reward was learned: cloning copies what was done."
+_BEHAVIOUR = (
+    "When the animals leave an activity, and what draws them where, is asked by `python -m experiments.behaviour`: it predicts "
+    "recordings held out better than counting does, which this run's policy does not (docs/animals.md)."
+)
+_NO_WANTS = {True: "Nothing stands out.", False: "Nothing that can be told apart from what it does; see below."}
 _KNOWN_REWARD = "The reward was given, not inferred; what is not done may depend on it."
 
 
@@ -57,6 +62,8 @@ def card_of(result: Result) -> dict[str, Any]:
     else:
         never, unseen = _limits(result)
         cannot += unseen
+    if isinstance(view, Codes):
+        cannot.append(_BEHAVIOUR)
     if never:
         cannot.append("Of what is not done, this method cannot tell the forbidden from what was merely never wanted.")
     return {"wants": [], "never": never, "cannot_tell": cannot, "separable": False}
@@ -78,7 +85,7 @@ def as_json(card: Card) -> str:
 
 def as_markdown(card: Card, title: str) -> str:
     """Write card.md."""
-    wants = [(entry["what"], f"{entry['weight']:.2f} ± {entry['spread']:.2f}") for entry in card["wants"][:MOST]]
+    wants = [(entry["what"], _weight(entry)) for entry in card["wants"][:MOST]]
     never = [
         (entry["what"], _limit(entry), _times(entry["tempted"]), _times(entry["done"]), entry["how"])
         for entry in card["never"][:MOST]
@@ -87,7 +94,7 @@ def as_markdown(card: Card, title: str) -> str:
     return markdown.paragraphs(
         f"# {title}",
         "## What it wants",
-        markdown.table(("what", "weight"), wants) if wants else "Nothing that can be told apart from what it does; see below.",
+        markdown.table(("what", "weight"), wants) if wants else _NO_WANTS[bool(card["separable"])],
         "## What it does not do",
         markdown.table(("what", "limit", "would have, were it ordinary", "did", "how it is known"), never)
         if never
@@ -100,10 +107,8 @@ def as_markdown(card: Card, title: str) -> str:
 
 def closing(card: Card) -> str:
     """Write the few lines of the card that a run ends with."""
-    wants = (
-        ", ".join(f"{entry['what']} ({entry['weight']:+.2g})" for entry in card["wants"][:SHOWN])
-        or "not separable from what it does (f = log π_E)"
-    )
+    nothing = "nothing stands out" if card["separable"] else "not separable from what it does (f = log π_E)"
+    wants = ", ".join(f"{entry['what']} ({entry['weight']:+.2g})" for entry in card["wants"][:SHOWN]) or nothing
     if not card["separable"] and any(line in (_NO_REWARD, _KNOWN_REWARD) for line in card["cannot_tell"]):
         wants = "no reward was learned"
     never = "; ".join(f"{entry['what']} {_limit(entry)}".strip() for entry in card["never"][:SHOWN]) or "nothing was found"
@@ -205,6 +210,8 @@ def _beyond(result: Result, names: Sequence[str], index: int, limit: float, side
 def _is_limit(entry: Mapping[str, Any]) -> bool:
     whole = all(is_number(entry.get(name, "")) for name in ("tempted", "done", "limit", "spread") if name in entry)
     return whole and (entry.get("limit") is None or entry.get("spread") is not None)
+def _weight(entry: Mapping[str, Any]) -> str:
+    return f"{entry['weight']:.2f}" + ("" if entry["spread"] is None else f" ± {entry['spread']:.2f}")
 
 
 def _limit(entry: Mapping[str, Any]) -> str:

@@ -110,6 +110,7 @@ UNDERSTOOD = {
     "experiments.physics": parsed_by("experiments.physics"),
     "experiments.swap": parsed_by("experiments.swap"),
     "experiments.learner": parsed_by("experiments.learner"),
+    "experiments.behaviour": parsed_by("experiments.behaviour"),
 }
 
 

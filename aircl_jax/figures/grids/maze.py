@@ -43,11 +43,11 @@ def maze_map(recovered: Recovered, maze: Maze, title: str) -> Drawing:
     axes = figure.subplots(1, panels)
     mean = reward.mean(axis=0)
     bound = float(np.nanmax(np.abs(mean)))
-    _nodes(axes[0], maze, mean, "RdBu", Normalize(-bound, bound), "reward of arriving")
-    _nodes(axes[1], maze, np.where(visits > 0, visits, np.nan), "magma_r", LogNorm(), "steps recorded there")
+    draw_nodes(axes[0], maze, mean, "RdBu", Normalize(-bound, bound), "reward of arriving")
+    draw_nodes(axes[1], maze, np.where(visits > 0, visits, np.nan), "magma_r", LogNorm(), "steps recorded there")
     if has_feasibility:
         delta = arriving(recovered.delta, maze, np.ones_like(recovered.seen)).mean(axis=0)
-        _nodes(axes[2], maze, delta, "viridis", Normalize(0, 1), "feasibility of arriving")
+        draw_nodes(axes[2], maze, delta, "viridis", Normalize(0, 1), "feasibility of arriving")
     known = np.flatnonzero(np.isfinite(mean))
     order = known[np.argsort(-mean[known])]
     places = "; ".join(
@@ -63,7 +63,7 @@ def maze_map(recovered: Recovered, maze: Maze, title: str) -> Drawing:
     )
 
 
-def _nodes(axis: Axes, maze: Maze, values: Float[np.ndarray, " X"], colours: str, norm: Normalize, label: str) -> None:
+def draw_nodes(axis: Axes, maze: Maze, values: Float[np.ndarray, " X"], colours: str, norm: Normalize, label: str) -> None:
     source, action = np.nonzero(maze.successor != np.arange(len(maze.successor))[:, None])
     lines = np.stack([maze.position[source], maze.position[maze.successor[source, action]]], axis=1)
     axis.add_collection(LineCollection(list(lines), colors=GREY, lw=1.2, zorder=1))

@@ -1,0 +1,182 @@
+"""List every step of every gap-free segment: what is known of an animal at a row, and the code of the next row."""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from envs.animals import simulated_meerkats
+from envs.animals.columns import ColumnMapping, load_mapping
+from envs.animals.data_folder import data_folder
+from envs.animals.neighbours import read_neighbours
+from envs.animals.tracks import Tracks, read_folder
+from envs.animals.windows import STAYS, Coded, Coding, code_rows
+
+NONE = STAYS  # index of no code or no place
+MOVING_TO = "moving to "
+Lack = Literal["places", "positions", "neighbours", "names", "groups", "sites", "recordings"]
+
+
+class Steps(NamedTuple):
+    """What is known at each row that has a next one. Rows are in order of recording, animal and time."""
+
+    code: Int[np.ndarray, " N"]
+    following: Int[np.ndarray, " N"]  # the code one row later
+    age: Int[np.ndarray, " N"]  # rows since the first seen of this bout, itself counted
+    unseen: Bool[np.ndarray, " N"]  # whether the bout began before the segment
+    previous: Int[np.ndarray, " N"]  # code of the bout before this one; NONE where it was not seen
+    place: Int[np.ndarray, " N"]
+    position: Float[np.ndarray, "N 2"]  # on the ground, in the mapping's unit; NaN where unknown
+    close: Int[np.ndarray, " N"]  # number of close neighbours
+    distant: Int[np.ndarray, " N"]
+    close_doing: Float[np.ndarray, "N B"]  # of them, how many show each behaviour; the last column counts all others
+    distant_doing: Float[np.ndarray, "N B"]
+    recording: Int[np.ndarray, " N"]
+    site: Int[np.ndarray, " N"]
+    track: Int[np.ndarray, " N"]  # an animal in a recording
+    window: Int[np.ndarray, " N"]  # which window of `horizon` steps holds it (`envs.animals.windows.cut_windows`); NONE
+
+    @property
+    def in_window(self) -> Bool[np.ndarray, " N"]:
+        return self.window != NONE
+
+
+class Recordings(NamedTuple):
+    """The steps of one data set with the names of their indices, and what the tables lack."""
+
+    steps: Steps
+    names: tuple[str, ...]  # of the codes: behaviours, then "moving to PLACE"
+    behaviour_of: Int[np.ndarray, " C"]  # the behaviour of each code
+    destination: Int[np.ndarray, " C"]  # the place that a code moves to; NONE for the others
+    moving: str  # the behaviour that leads from place to place; empty where there is none
+    places: tuple[str, ...]
+    recordings: tuple[str, ...]
+    sites: tuple[str, ...]
+    one_move: Bool[np.ndarray, " C"]  # codes of which two in a row would be one bout
+    seconds: float  # between two rows, in the unit of the table's time
+    unit: str  # of positions
+    lacks: tuple[Lack, ...]
+    simulated: bool
+
+    @property
+    def num_behaviours(self) -> int:
+        return int((self.destination == NONE).sum())
+
+
+def read_recordings(data: str = "default", mapping: str = "meerkat", coding: Coding = "bout", horizon: int = 30) -> Recordings:
+    """Read and code the tables, or simulate them. Raises ValueError as `envs.animals.tracks` does."""
+    folder = data_folder(data, "meerkat")
+    if folder is None:
+        columns, tracks = simulated_meerkats.MAPPING, simulated_meerkats.simulated_tracks()
+    else:
+        columns = load_mapping(mapping)
+        tracks = read_folder(folder, columns)
+    coded = code_rows(tracks, columns, coding)
+    behaviours = coded.names[: len(coded.names) - (len(coded.places) if columns.moving else 0)]
+    found = read_neighbours(folder, columns, tracks, coded.tracks, behaviours) if folder is not None else None
+    doing = (found.close, found.distant) if found else None
+    return recordings_of(coded, columns, coding, doing=doing, horizon=horizon, simulated=folder is None)
+
+
+def recordings_of(
+    coded: Coded,
+    mapping: ColumnMapping,
+    coding: Coding = "bout",
+    *,
+    doing: tuple[Float[np.ndarray, "R B"], Float[np.ndarray, "R B"]] | None = None,
+    horizon: int = 30,
+    simulated: bool = False,
+) -> Recordings:
+    """List the steps of coded rows; `doing` counts the behaviours of each row's close and distant neighbours.
+
+    Where there is one recording only, its animals take the place of recordings. Raises ValueError where no animal has two
+    rows without a gap, or none ever changes.
+    """
+    moves_to = np.array([MOVING_TO + place for place in coded.places] if mapping.moving else [], dtype=str)
+    size, num_behaviours = len(coded.names), len(coded.names) - len(moves_to)
+    destination = np.append(np.full(num_behaviours, NONE), np.arange(len(moves_to)))
+    plain_move = coded.names.index(mapping.moving) if mapping.moving in coded.names else NONE
+    behaviour_of = np.where(destination == NONE, np.arange(size), max(plain_move, 0))
+    rows = coded.tracks
+    recording_names, recording = np.unique(rows.recording, return_inverse=True)
+    site_names, site = np.unique(rows.site, return_inverse=True)
+    begins = np.append(True, (rows.recording[1:] != rows.recording[:-1]) | (rows.individual[1:] != rows.individual[:-1]))
+    track = np.cumsum(begins) - 1
+    lacks = _lacks(mapping, rows, doing is not None, len(recording_names), len(site_names))
+    if "recordings" in lacks:
+        recording, recording_names = track, rows.individual[begins]
+    here = np.flatnonzero(np.append(coded.segment[1:] == coded.segment[:-1], False))
+    if not len(here):
+        raise ValueError("no animal has two rows in a row without a gap: check the time column and `step` of the mapping")
+    ground = rows.position[:, list(mapping.map_axes)] / mapping.coordinate_scale
+    nobody = np.zeros((len(rows.time), num_behaviours + 1))
+    close_doing, distant_doing = doing or (nobody, nobody)
+    age, unseen, previous = _bouts(coded)
+    columns = (coded.code, np.append(coded.code[1:], NONE), age, unseen, previous, coded.place, ground)
+    columns += (rows.close, rows.distant, close_doing, distant_doing, recording, site, track, _windows(coded, horizon))
+    steps = Steps(*(column[here] for column in columns))
+    if (steps.code == steps.following).all():
+        raise ValueError(f"no animal changes its behaviour within a segment of {len(here)} steps: there is nothing to learn")
+    return Recordings(
+        steps=steps,
+        names=coded.names,
+        behaviour_of=behaviour_of,
+        destination=destination,
+        moving=mapping.moving,
+        places=coded.places,
+        recordings=tuple(map(str, recording_names.tolist())),
+        sites=tuple(site_names.tolist()),
+        one_move=((destination != NONE) | (np.arange(size) == plain_move)) & (coding == "bout"),
+        seconds=mapping.step,
+        unit=mapping.coordinate_unit,
+        lacks=lacks,
+        simulated=simulated,
+    )
+
+
+def _lacks(mapping: ColumnMapping, rows: Tracks, named: bool, num_recordings: int, num_sites: int) -> tuple[Lack, ...]:
+    absent: dict[Lack, bool] = {
+        "places": "place" not in mapping.columns,
+        "positions": not np.isfinite(rows.position).all(axis=1).any(),
+        "neighbours": not {"close", "distant"} & set(mapping.columns),
+        "names": not named,
+        "groups": not mapping.other_groups,
+        "sites": num_sites < 2,
+        "recordings": num_recordings < 2,
+    }
+    return tuple(name for name, missing in absent.items() if missing)
+
+
+def _bouts(coded: Coded) -> tuple[Int[np.ndarray, " R"], Bool[np.ndarray, " R"], Int[np.ndarray, " R"]]:
+    """Find each row's age in its bout, whether the bout's beginning is unseen, and the code of the bout before it."""
+    row = np.arange(len(coded.code))
+    new_segment = np.append(True, coded.segment[1:] != coded.segment[:-1])
+    begins = new_segment | np.append(True, coded.code[1:] != coded.code[:-1])
+    onset = np.maximum.accumulate(np.where(begins, row, 0))
+    unseen = new_segment[onset]
+    previous = np.where(unseen, NONE, coded.code[np.maximum(onset - 1, 0)])
+    return row - onset + 1, unseen, previous
+
+
+def _windows(coded: Coded, horizon: int) -> Int[np.ndarray, " R"]:
+    """Number the window that each row is a step of, as `cut_windows` does; NONE for the rest of a segment."""
+    size = np.bincount(coded.segment)
+    first, number = np.append(0, np.cumsum(size)[:-1]), (size - 1) // horizon
+    within = np.arange(len(coded.segment)) - first[coded.segment]
+    window = (np.cumsum(number) - number)[coded.segment] + within // horizon
+    return np.where(within < (number * horizon)[coded.segment], window, NONE)
+
+
+def possible_changes(recordings: Recordings) -> Bool[np.ndarray, "N C"]:
+    """Mark the codes that can follow at each step: another one, no second move in a row, no place out of the camera's sight."""
+    steps, size = recordings.steps, len(recordings.names)
+    possible = np.arange(size) != steps.code[:, None]
+    possible &= ~(recordings.one_move[steps.code][:, None] & recordings.one_move)
+    goes = recordings.destination != NONE
+    seen = np.zeros((len(recordings.sites), max(len(recordings.places), 1)), dtype=bool)
+    seen[steps.site[steps.place != NONE], steps.place[steps.place != NONE]] = True
+    for site in range(len(recordings.sites)):  # a move may end where no row of a segment was
+        ends = recordings.destination[steps.following[steps.site == site]]
+        seen[site, ends[ends != NONE]] = True
+    possible[:, goes] &= seen[steps.site][:, recordings.destination[goes]]
+    return possible
