@@ -17,23 +17,18 @@ from aircl_jax.demonstrations import sources
 from aircl_jax.messages import warn
 from aircl_jax.model.networks import Networks
 from aircl_jax.reports import run_report
-from aircl_jax.reports.alarms import alarms, untuned
-from aircl_jax.reports.summary import summarise
-from aircl_jax.runs.directory import FIGURES, RunDirectory, existing, open_run, open_saved
-from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session
-from aircl_jax.runs.recorder import DataRecorder, Memory, Recorder, Row
 from aircl_jax.reports.alarms import alarms, not_finite, untuned
 from aircl_jax.reports.summary import fits, summarise
 from aircl_jax.runs.directory import FIGURES, THEN, TRACE, RunDirectory
 from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session, since_of
 from aircl_jax.runs.opening import existing, open_run, open_saved
 from aircl_jax.runs.readers import SUMMARY
-from aircl_jax.runs.recorder import Memory, Recorder, Row
+from aircl_jax.runs.recorder import DataRecorder, Memory, Recorder, Row
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.seeds import make_evaluator, make_runner, relieve, seed_keys
 from aircl_jax.runs.spec import RunSpec, make_spec, read_spec
-from aircl_jax.settings.checks import check_jax
 from aircl_jax.runs.stopping import signals_noted
+from aircl_jax.settings.checks import check_jax
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.storage import disk
 from aircl_jax.transfer.grid import maps_of_a_grid, of_a_grid
@@ -118,14 +113,11 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
     runner, networks = make_runner(trainer, spec.seeds), trainer.networks
     expert, reference = _demonstrations(spec)
     saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
-    if directory and directory.finished and saved:
-        return _result(spec, networks, saved, expert, reference, directory.summary(), directory)
+    if directory and directory.finished and saved and (kept := _kept_summary(directory, spec)):
+        return _result(spec, networks, saved, expert, reference, kept, directory)
     for recorder in recorders:
         if spec.env.recorded is not None and isinstance(recorder, DataRecorder):
             recorder.on_data(spec.env.recorded.account, spec.env.recorded.warnings)
-    with directory.held() if directory else nullcontext():
-    if directory and directory.finished and saved and (kept := _kept_summary(directory, spec)):
-        return _result(spec, networks, saved, expert, reference, kept, directory)
     with signals_noted() as stop, directory.held() if directory else nullcontext():
         with defects_apart():
             states = saved or runner.init(expert)
@@ -148,19 +140,6 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
             summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, record.timing())
             result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
-            from aircl_jax.figures import of_a_run
-            from aircl_jax.reports.card import as_json, as_markdown, card_of
-            from aircl_jax.reports.recovered_words import reading
-
-            figures = of_a_run.write_figures(result, directory.path / FIGURES)
-            words, card = reading(result), card_of(result)
-            account = spec.env.recorded.account if spec.env.recorded is not None else ()
-            if command:
-                command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
-            directory.write_report(run_report.report(summary, result.alarms, figures, command, words, account))
-            directory.write_maps(maps_of_a_grid(spec, networks, states, expert))
-            directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))
-            directory.write_summary(summary)
             result = _keep(result, directory, command, stop)
     relieve()
     return result
@@ -185,7 +164,8 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
     if command:
         command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
     alarms = [*result.alarms, *attempt.failed]
-    directory.write_report(run_report.report(result.summary, alarms, figures, command, words))
+    account = spec.env.recorded.account if spec.env.recorded is not None else ()
+    directory.write_report(run_report.report(result.summary, alarms, figures, command, words, account))
     return replace(result, defects=tuple(attempt.failed))
 
 
@@ -226,8 +206,7 @@ def _result(
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=untuned(spec.env) + _of_the_data(spec.env) + alarms(summary["seeds"], per_seed),
-        alarms=untuned(spec.env.name) + not_finite(summary) + alarms(summary["seeds"], per_seed),
+        alarms=untuned(spec.env) + _of_the_data(spec.env) + not_finite(summary) + alarms(summary["seeds"], per_seed),
         history=record.history(),
         spec=spec,
         networks=networks,

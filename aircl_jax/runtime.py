@@ -3,7 +3,6 @@
 import glob
 import os
 import re
-import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -59,9 +58,3 @@ def user_cache() -> Path | None:
         return None
     nearest = next(parent for parent in (folder, *folder.absolute().parents) if parent.exists())
     return folder if os.access(nearest, os.W_OK) else None
-def user_cache() -> Path:
-    """The user's cache directory, as the XDG convention has it; the one for temporary files without a home directory."""
-    try:
-        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    except RuntimeError:
-        return Path(tempfile.gettempdir())

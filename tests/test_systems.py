@@ -35,9 +35,10 @@ def test_every_text_file_is_read_and_written_in_a_named_encoding(path):
 
 def _of_os(node: ast.Call) -> bool:
     """`open` of these modules opens no text."""
-    function = node.func
-    named = isinstance(function, ast.Attribute) and function.attr == "open" and isinstance(function.value, ast.Name)
-    return named and function.value.id in ("os", "tensorstore")
+    match node.func:
+        case ast.Attribute(value=ast.Name(id=module), attr="open"):
+            return module in ("os", "tensorstore")
+    return False
 
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)

@@ -70,7 +70,7 @@ def read_recordings(data: str = "default", mapping: str = "meerkat", coding: Cod
         columns, tracks = simulated_meerkats.MAPPING, simulated_meerkats.simulated_tracks()
     else:
         columns = load_mapping(mapping)
-        tracks = read_folder(folder, columns)
+        tracks = read_folder(folder, columns).tracks
     coded = code_rows(tracks, columns, coding)
     behaviours = coded.names[: len(coded.names) - (len(coded.places) if columns.moving else 0)]
     found = read_neighbours(folder, columns, tracks, coded.tracks, behaviours) if folder is not None else None

@@ -25,6 +25,10 @@ _LOG_POLICY = (
     "Reward and constraint are not separable here: f = log π_E. A discriminator is at rest where f equals the logarithm of "
     "the demonstrators' policy and a constant, so f repeats what they do, constraint included, and not why."
 )
+_LIKELIHOOD = (
+    "The reward is the smallest one of states that explains the demonstrations; whether it holds a part of the constraint "
+    "was not tested."
+)
 _NO_REWARD = "No reward was learned: cloning copies what was done."
 _BEHAVIOUR = (
     "When the animals leave an activity, and what draws them where, is asked by `python -m experiments.behaviour`: it predicts "
@@ -49,7 +53,7 @@ def card_of(result: Result) -> dict[str, Any]:
     if not method.learns_reward:
         cannot.append(_NO_REWARD if method.clones else _KNOWN_REWARD)
     else:
-        cannot.append(_LOG_POLICY)
+        cannot.append(_LIKELIHOOD if method.state_reward else _LOG_POLICY)
     if not method.learns_feasibility:
         cannot.append("No constraint was learned: what is not done may be disliked or forbidden.")
     elif not method.tests_steps:
@@ -210,6 +214,8 @@ def _beyond(result: Result, names: Sequence[str], index: int, limit: float, side
 def _is_limit(entry: Mapping[str, Any]) -> bool:
     whole = all(is_number(entry.get(name, "")) for name in ("tempted", "done", "limit", "spread") if name in entry)
     return whole and (entry.get("limit") is None or entry.get("spread") is not None)
+
+
 def _weight(entry: Mapping[str, Any]) -> str:
     return f"{entry['weight']:.2f}" + ("" if entry["spread"] is None else f" ± {entry['spread']:.2f}")
 

@@ -19,9 +19,8 @@ from omegaconf.errors import OmegaConfBaseException
 from aircl_jax.runs.stopping import Terminated
 from aircl_jax.settings.renamed import old_name
 from experiments.cli import hydra_settings
-from experiments.cli.command import BAD_INPUT, DONE, complain, interrupted
-from experiments.cli.words import unreadable
 from experiments.cli.command import BAD_INPUT, DONE, complain, ended, ending
+from experiments.cli.words import unreadable
 
 
 class Composed(NamedTuple):

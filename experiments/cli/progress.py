@@ -38,11 +38,9 @@ class Reporter:
 
     def on_start(self, iteration: int, iterations: int) -> None:
         self.iterations = iterations
-        print(self.headline)
-        print(*(f"  {line}\n" for line in self.data), sep="", end="")
-        print("compiling; the first start takes the longest, later ones use the cache", flush=True)
-        if sys.stdout.isatty():
         say(self.headline)
+        for line in self.data:
+            say(f"  {line}")
         say("compiling; the first start takes the longest, later ones use the cache")
         if sys.stdout is not None and sys.stdout.isatty():
             form = "{n_fmt}/{total_fmt} |{bar}| {desc}"

@@ -59,7 +59,7 @@ TABLE = """Time,ID,Behaviour,Zone,Meerkat type,Close_neighbours,Distant_neighbou
 def test_neighbours_are_counted_by_what_they_do_at_the_same_time(tmp_path):
     (tmp_path / "day.csv").write_text(TABLE)
     mapping = load_mapping("meerkat")
-    tracks = read_folder(tmp_path, mapping)
+    tracks = read_folder(tmp_path, mapping).tracks
     rows = code_rows(tracks, mapping).tracks
     found = read_neighbours(tmp_path, mapping, tracks, rows, mapping.behaviours)
     assert found is not None
@@ -75,7 +75,7 @@ def test_neighbours_are_counted_by_what_they_do_at_the_same_time(tmp_path):
 def test_neighbours_that_name_nobody_are_no_neighbours(tmp_path):
     (tmp_path / "day.csv").write_text(TABLE.replace("{1;2}", "{8;9}").replace("{0;2}", "{8}").replace("{1}", "{9}"))
     mapping = load_mapping("meerkat")
-    tracks = read_folder(tmp_path, mapping)
+    tracks = read_folder(tmp_path, mapping).tracks
     assert read_neighbours(tmp_path, mapping, tracks, code_rows(tracks, mapping).tracks, mapping.behaviours) is None
 
 

@@ -24,16 +24,6 @@ PAGES = (
         for page in (
             *("guide", "results", "animals", "equations", "experts", "physics", "learner"),
             *("research", "robustness", "swap"),
-            "guide",
-            "results",
-            "animals",
-            "equations",
-            "experts",
-            "physics",
-            "learner",
-            "research",
-            "swap",
-            "robustness",
         )
     ),
 )
