@@ -87,3 +87,14 @@ def test_tables_that_say_nothing_are_refused_in_one_line(acts, words):
     rows = [("day", "a", float(time), act, "hill") for time, act in enumerate(acts)]
     with pytest.raises(ValueError, match=words):
         recordings_of(code_rows(tracks_of(rows), GOATS), GOATS)
+
+
+def test_neighbours_are_found_by_times_of_day_and_not_in_hidden_tables(tmp_path):
+    clock = TABLE.replace("\n0,", "\n12:00:00,").replace("\n1,", "\n12:00:01,")
+    (tmp_path / "day.csv").write_text(clock)
+    (tmp_path / "._day.csv").write_bytes(b"\x00\x05\x16\x07")
+    mapping = load_mapping("meerkat")
+    tracks = read_folder(tmp_path, mapping).tracks
+    found = read_neighbours(tmp_path, mapping, tracks, code_rows(tracks, mapping).tracks, mapping.behaviours)
+    assert found is not None
+    assert found.close.sum() == 4
