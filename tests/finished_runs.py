@@ -15,6 +15,7 @@ from aircl_jax.demonstrations.sources import demonstrations
 from aircl_jax.figures.style import STYLE, Drawing
 from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.summary import MEANINGS, summarise
+from aircl_jax.runs.opening import open_run
 from aircl_jax.runs.result import Result
 from aircl_jax.runs.spec import make_spec
 from aircl_jax.types import ObsStats, TrainState, Trajectory
@@ -66,6 +67,16 @@ def study_of(*given: Cell) -> Study:
 def around(centre: float, width: float = 0.01) -> np.ndarray:
     """Ten different values with that mean."""
     return centre + width * np.linspace(-1, 1, 10)
+
+
+def begin_grid(path: Path, chunks: int) -> None:
+    """Make the directory of a run on the grid that has learned nothing in so many chunks of one iteration."""
+    given: dict[str, Any] = {"contrast_prior": "method", "seeds": 1, "first_seed": 0, "demonstrations": "default"}
+    settings = make_spec("gridworld", "bc", env_settings={}, config={}, iterations=9, **given).settings
+    directory = open_run(path, settings, chunk=1)
+    with directory.held():
+        for end in range(1, chunks + 1):
+            directory.on_chunk(end, {"nothing": np.zeros(1)}, [{"return": np.zeros(1)}], {"iteration": end})
 
 
 @cache

@@ -29,6 +29,7 @@ from aircl_jax.runs.spec import make_spec
 from envs.robots.constraints import CONSTRAINTS, Constraint
 from experiments import figure3
 from experiments.watch import main
+from tests.finished_runs import begin_grid
 from tests.worlds import UNOPTIMISED
 
 SMALL = {
@@ -244,10 +245,8 @@ def test_the_command_writes_both_files_beside_the_runs_figures(run_dir, capsys):
     ],
 )
 def test_a_mistake_is_one_line_and_exit_code_2(words, message, run_dir, tmp_path, capsys):
-    for name, checkpoint in (("GRID", "state/00000001"), ("EMPTY", "state")):
-        (tmp_path / name / checkpoint).mkdir(parents=True)
-        settings = {"env": {"name": "gridworld"}, "first_seed": 0, "seeds": 1}
-        (tmp_path / name / "config.yaml").write_text(yaml.safe_dump(settings))
+    for name, chunks in (("GRID", 1), ("EMPTY", 0)):
+        begin_grid(tmp_path / name, chunks)
         words = words.replace(name, str(tmp_path / name))
     asked = words.replace("RUN", str(run_dir))
     assert main(asked.split()) == 2
