@@ -86,7 +86,7 @@ def recover(settings: Settings, _: Sequence[str]) -> None:
 def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str, Any]:
     path = Path(settings.out) / world.replace(" ", "_") / f"{method}.json"
     if path.exists():
-        return read_kept(path, "metrics", "seeds")
+        return read_kept(path, "metrics", "iterations")
     say(f"training {method} on {world}")
     env, layout = WORLDS[world]
     iterations = settings.iterations or "default"

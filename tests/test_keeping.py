@@ -15,13 +15,14 @@ PARTS = {
     "aircl_jax.reports.recovered_words.reading": "the reading in plain words",
     "aircl_jax.api.maps_of_a_grid": "the maps",
 }
+QUICK = ("aircl_jax.figures.curves.losses", "aircl_jax.reports.card.card_of")
 
 
 def fail(*_):
     raise ValueError("cannot convert\nfloat NaN to integer")
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", [pytest.param(part, marks=[pytest.mark.slow] * (part not in QUICK)) for part in PARTS])
 def test_what_fails_after_the_training_costs_nothing_else(part, tmp_path, monkeypatch, capsys):
     run = tmp_path / "run"
     with monkeypatch.context() as patched:
@@ -53,7 +54,11 @@ def test_a_run_killed_between_summary_and_report_is_finished_by_the_next_command
 
 
 @pytest.mark.parametrize(
-    "card", ["", "[]", "{}", '{"wants": [], "never": [{"what": 1}], "cannot_tell": [], "separable": false}']
+    "card",
+    [
+        '{"wants": [], "never": [{"what": 1}], "cannot_tell": [], "separable": false}',
+        *(pytest.param(card, marks=pytest.mark.slow) for card in ("", "[]", "{}")),
+    ],
 )
 def test_a_damaged_card_is_made_again_for_the_closing_lines(card, tmp_path, capsys):
     words = [*WORDS, f"run_dir={tmp_path}", "iterations=3"]

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from aircl_jax import runtime
@@ -35,10 +34,10 @@ def test_a_damaged_entry_of_the_compilation_cache_is_written_anew(tmp_path):
     assert {entry: entry.stat().st_size for entry in whole} == whole
 
 
-def test_without_a_home_directory_the_cache_is_among_temporary_files(monkeypatch):
+def test_without_a_home_directory_there_is_no_cache(monkeypatch):
     def homeless():
         raise RuntimeError("Could not determine home directory.")
 
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", homeless)
-    assert runtime.user_cache() == Path(tempfile.gettempdir())
+    assert runtime.user_cache() is None

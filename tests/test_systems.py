@@ -34,10 +34,12 @@ def test_every_text_file_is_read_and_written_in_a_named_encoding(path):
 
 
 def _of_os(node: ast.Call) -> bool:
-    """`open` of these modules opens no text."""
+    """`open` of these modules, and of an archive's members, opens no text."""
     match node.func:
+        case ast.Attribute(value=ast.Attribute(attr="archive"), attr="open"):
+            return True
         case ast.Attribute(value=ast.Name(id=module), attr="open"):
-            return module in ("os", "tensorstore")
+            return module in ("os", "tensorstore", "archive")
     return False
 
 

@@ -40,7 +40,7 @@ def save(path: Path, tree: Any, notes: Mapping[str, Any]) -> None:
             with orbax.checkpoint.StandardCheckpointer() as checkpointer:
                 checkpointer.save(place / _ARRAYS, arrays)
             back = _read_back(place, arrays)
-            if place != beside:
+            if place != beside.absolute():
                 shutil.copytree(place / _ARRAYS, beside / _ARRAYS)
     except OSError:
         raise

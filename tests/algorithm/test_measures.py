@@ -75,7 +75,7 @@ def test_auroc_is_the_chance_that_a_positive_scores_above_a_negative(score, expe
 
 
 def test_auroc_is_never_above_1_whatever_its_sums_are_rounded_to():
-    for number in range(3, 200, 7):
+    for number in (3, 17, 66, 199):
         positive = jnp.arange(2 * number) >= number
         found = auroc(jnp.arange(2.0 * number), positive.astype(jnp.float32), 1.0 - positive)
         assert 1.0 - 1e-5 < found <= 1.0

@@ -100,7 +100,7 @@ def constant_observation(env: Env) -> Env:
 
 def test_quadratic_reward_is_answered_by_its_own_gaussian():
     # r = −(a − 0.6)² / (2 · 0.5²) has the soft-optimal policy N(0.6, 0.5).
-    env = one_state_env(lambda t, action: -0.5 * jnp.sum((action - 0.6) ** 2) / 0.5**2, action_space=Box(1, -10.0, 10.0))
+    env = one_state_env(lambda t, action: -0.5 * jnp.sum((action - 0.6) ** 2) / 0.5**2, action_space=Box(1, -5.0, 5.0))
     nets, params = solve(env, iterations=600, learning_rate=1e-3)
     policy = act(env, nets, params)
     np.testing.assert_allclose([policy.mean()[0], policy.stddev()[0]], [0.6, 0.5], atol=0.04)

@@ -56,7 +56,8 @@ def recorded() -> SimpleNamespace:
         seen.log_delta, seen.keys["sampler"] = log_delta, key
         return jnp.argsort(log_delta)[:number]
 
-    def relearn(nets: BoundNetworks, opt: Any, batches: Batches, key: Any) -> tuple:
+    def relearn(nets: BoundNetworks, opt: Any, batches: Batches, key: Any, of_states: Any) -> tuple:
+        assert of_states is None  # the row has no reward of states
         params = nets.params
         seen.judged_by, seen.batches, seen.keys["adversary"] = params, batches, key
         learned = jax.tree.map(lambda leaf: -1.5 * leaf, (params.reward, params.feasibility))

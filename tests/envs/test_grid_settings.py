@@ -176,7 +176,7 @@ def test_the_view_shows_the_places_of_the_world():
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
-        ({"layout": "fourth"}, "env.layout 'fourth'; choose default, second, third, wall"),
+        ({"layout": "fifth"}, "env.layout 'fifth'; choose default, second, third, fourth, wall"),
         ({"reward": "gold"}, "env.reward 'gold'; choose distance, goal or sites"),
         ({"reward": "sites", "goal": [2, 2]}, r"env.goal=\[2, 2\]: reward=sites has three sites"),
         ({"reward": "goal", "reward_scale": 1.0}, "env.reward_scale=1.0 is of reward=distance"),

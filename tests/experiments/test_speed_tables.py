@@ -1,5 +1,6 @@
 """What `benchmark`, `physics` and `frontier` print: each timing under its own name and in its unit, by made-up timings."""
 
+import sys
 from functools import partial
 from types import SimpleNamespace
 
@@ -22,7 +23,7 @@ def test_a_benchmark_has_each_measure_under_its_name(monkeypatch):
     monkeypatch.setattr(benchmark, "peer", lambda settings: 5_000.0)
     monkeypatch.setattr(benchmark, "second_start", lambda settings: 7.25)
     usage = SimpleNamespace(RUSAGE_SELF=0, getrusage=lambda who: SimpleNamespace(ru_maxrss=3 * 2**20))  # kB
-    monkeypatch.setattr(benchmark, "resource", usage)
+    monkeypatch.setitem(sys.modules, "resource", usage)
     assert benchmark.measure(benchmark.Settings(env="swimmer", peer=True)) == {
         "whole training, 10 seed(s), env steps/s": "20,000",
         "  tracing and compiling, 10 seed(s), s": "12.3",

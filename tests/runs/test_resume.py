@@ -81,9 +81,12 @@ def uninterrupted(tmp_path_factory) -> Path:
     return path
 
 
-def test_a_run_killed_at_six_moments_ends_with_the_same_bytes(uninterrupted, tmp_path):
+@pytest.mark.parametrize(
+    "moments", [("while_logging", "before_the_rename"), pytest.param(MOMENTS, marks=pytest.mark.slow)], ids=["two", "six"]
+)
+def test_a_run_killed_at_several_moments_ends_with_the_same_bytes(uninterrupted, tmp_path, moments):
     settings = {**SETTINGS, "iterations": ITERATIONS, "run_dir": str(tmp_path / "run"), "resume": True}
-    for moment in MOMENTS:
+    for moment in moments:
         killed = subprocess.run([sys.executable, "-c", SCRIPT, moment, json.dumps(settings)], check=False)
         assert killed.returncode == -signal.SIGKILL, moment
         assert not (tmp_path / "run" / SUMMARY).exists()
@@ -96,7 +99,7 @@ def test_a_run_killed_at_six_moments_ends_with_the_same_bytes(uninterrupted, tmp
     assert chunks == [3, 6, 9, 12]  # none lost, none twice
 
 
-@pytest.mark.parametrize("remainder", [1, 2])
+@pytest.mark.parametrize("remainder", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_longer_run_has_the_bytes_of_one_that_was_meant_to_be_longer(uninterrupted, tmp_path, remainder):
     train(**SETTINGS, iterations=CHUNK + remainder, run_dir=tmp_path / "run")
     train(**SETTINGS, iterations=ITERATIONS, run_dir=tmp_path / "run", resume=True)
@@ -129,7 +132,7 @@ def test_a_finished_run_is_read_and_not_touched(finished):
 
 
 def test_a_changed_setting_is_refused_with_the_difference(finished):
-    with pytest.raises(ValueError, match=r"method is aircl_corrected there and airl here"):
+    with pytest.raises(ValueError, match=r"method is aircl_contrast there and airl here"):
         train(**SETTINGS, method="airl", iterations=ITERATIONS, run_dir=finished, resume=True)
 
 

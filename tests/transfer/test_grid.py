@@ -95,7 +95,9 @@ def test_maps_count_what_the_demonstrations_enter_and_what_would_tempt_their_exp
 
 
 def test_what_does_not_fit_is_refused_in_one_line(run):
-    with pytest.raises(ValueError, match="unknown constraint 'wall' of this grid; choose from default, second, third, none"):
+    with pytest.raises(
+        ValueError, match="unknown constraint 'wall' of this grid; choose from default, second, third, fourth, none"
+    ):
         swap(run, constraint="wall")
     with pytest.raises(ValueError, match=r"wrong env\.reward 'fame'"):
         swap(run, reward="fame")
