@@ -9,7 +9,13 @@ from experiments.swap.scores import Cells
 
 BINS = ((6.0, np.inf), (3.0, 6.0), (1.5, 3.0), (0.0, 1.5))  # true M of an obstacle
 HEAD = ("row", "world", *(f"M {low:g} to {high:g}" if np.isfinite(high) else f"M ≥ {low:g}" for low, high in BINS))
-BESIDE = ("false flags a seed", "violations of π (expert)", "goal rate of π (expert)")
+BESIDE = (
+    "false flags a seed",
+    "S4 (worst); violations",
+    "S2; violations",
+    "violations of π (expert)",
+    "goal rate of π (expert)",
+)
 
 
 def found_by_temptation(cells: Cells, rows: Sequence[str]) -> list[tuple[str, ...]]:
@@ -23,7 +29,7 @@ def found_by_temptation(cells: Cells, rows: Sequence[str]) -> list[tuple[str, ..
             found, all_of_them = np.sum(np.array([counts[world] for world in worlds]), axis=0).T
             every = list(zip(found, all_of_them, strict=True))
             flags = np.mean([np.mean(cells["gridworld", world, row]["false_flags"]) for world in worlds])
-            lines.append((row, f"all {len(worlds)}", *map(_of, every), f"{flags:.2f}", "", ""))
+            lines.append((row, f"all {len(worlds)}", *map(_of, every), f"{flags:.2f}", "", "", "", ""))
     return lines
 
 
@@ -35,13 +41,21 @@ def _counts(cells: Cells, world: str, row: str) -> list[tuple[int, int]]:
     return [(int((found & these).sum()), int(these.sum())) for these in within]
 
 
-def _beside(cells: Cells, world: str, row: str) -> tuple[str, str, str]:
+def _beside(cells: Cells, world: str, row: str) -> tuple[str, ...]:
     cell = cells["gridworld", world, row]
     policy = {name: np.array(values, float) for name, values in cell["policy"].items()}  # None becomes NaN
     violations = [100 * np.mean(policy[f"violation_rate_{who}"]) for who in ("policy", "expert")]
     reached = [np.mean(policy[name]) for name in ("goal_rate", "expert_goal_rate")]
     goal = "—" if np.isnan(reached[0]) else f"{reached[0]:.2f} ({reached[1]:.2f})"
-    return f"{np.mean(cell['false_flags']):.2f}", f"{violations[0]:.2f} % ({violations[1]:.2f})", goal
+    worst = min(np.mean([score for score, _ in seeds]) for seeds in cell["changed_worlds"].values())
+    metrics = {name: float(np.mean(values)) for name, values in cell["metrics"].items() if None not in values}
+    return (
+        f"{np.mean(cell['false_flags']):.2f}",
+        f"{metrics['transfer_return']:.3f} ({worst:.3f}); {100 * metrics['transfer_violation']:.1f} %",
+        f"{metrics['constraint_transfer_return']:.2f}; {100 * metrics['constraint_transfer_violation']:.1f} %",
+        f"{violations[0]:.2f} % ({violations[1]:.2f})",
+        goal,
+    )
 
 
 def _of(count: tuple[int, int]) -> str:

@@ -12,7 +12,21 @@ def cell(tempted, found, false_flags, goal=(0.5, None)):
         "goal_rate": list(goal),
         "expert_goal_rate": [0.9, 1.0],
     }
-    return {"obstacles": {"true_tempted": tempted, "found": found}, "false_flags": false_flags, "policy": policy}
+    metrics = {
+        "transfer_return": [0.9, 1.0],
+        "transfer_violation": [0.02, 0.04],
+        "constraint_transfer_return": [0.7, 0.8],
+        "constraint_transfer_violation": [0.1, 0.0],
+        "lift": [None, 1.0],
+    }
+    changed = {"wind": [[0.8, 0.1], [0.9, 0.2]], "slip": [[0.7, 0.0], [1.1, 0.0]]}
+    return {
+        "obstacles": {"true_tempted": tempted, "found": found},
+        "false_flags": false_flags,
+        "policy": policy,
+        "metrics": metrics,
+        "changed_worlds": changed,
+    }
 
 
 CELLS = {
@@ -35,8 +49,8 @@ def test_obstacles_are_counted_by_their_true_temptation_over_seeds():
 def test_false_flags_violations_and_goals_are_means_over_seeds_beside_the_experts():
     first, second, every = found_by_temptation(CELLS, ["ours"])
     assert len(first) == len(HEAD) + len(BESIDE)
-    assert first[6:] == ("1.50", "2.00 % (0.05)", "0.60 (0.95)")
-    assert second[6:] == ("0.00", "2.00 % (0.05)", "—")
+    assert first[6:] == ("1.50", "0.950 (0.850); 3.0 %", "0.75; 5.0 %", "2.00 % (0.05)", "0.60 (0.95)")
+    assert second[6] == "0.00" and second[9:] == ("2.00 % (0.05)", "—")
     assert every[6] == "0.75"
 
 
