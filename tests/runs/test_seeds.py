@@ -1,8 +1,8 @@
 """Seed s is the integer s: the same run alone or among ten, on one device or on two.
 
 The initial state is the same to the bit. A step is the same to rounding: on a CPU a device's seeds go one after another, and
-the compiler still treats loops of different lengths differently. Where a gradient is no more than rounding, Adam makes a part of
-a whole step of it: after three steps parameters of `airl_centred` differ by 6e-10, of `aircl_corrected` by 2.5e-6.
+the compiler still treats loops of different lengths differently. Where a gradient is no more than rounding, Adam makes a part
+of a whole step of it: after three steps parameters of `airl_centred` differ by 6e-10, of `aircl_corrected` by 2.5e-6.
 """
 
 from dataclasses import replace
