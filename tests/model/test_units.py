@@ -53,7 +53,9 @@ def learned(method: str, size: float, box: Box) -> Any:
 TINY_BOX = pytest.param(1e6, Box(2, -1e-3, 0.0), marks=pytest.mark.slow)
 
 
-@pytest.mark.parametrize("method", ["bc", "aircl_corrected", pytest.param("aircl", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "method", ["bc", *(pytest.param(name, marks=pytest.mark.slow) for name in ("aircl_corrected", "aircl"))]
+)
 @pytest.mark.parametrize(("size", "box"), [(1e-6, FAR), TINY_BOX])
 def test_what_is_learned_is_the_same_in_any_unit(method, size, box):
     leaves = (jax.tree.leaves(learned(method, *unit)) for unit in ((1.0, Box(2)), (size, box)))

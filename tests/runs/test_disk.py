@@ -83,7 +83,9 @@ def test_a_directory_that_vanishes_is_one_line_and_the_run_goes_on_when_it_is_ba
     assert ends_equal(run, whole)
 
 
-@pytest.mark.parametrize("stream", ["full", "closed", "a pipe that nobody reads"])
+@pytest.mark.parametrize(
+    "stream", ["closed", *(pytest.param(one, marks=pytest.mark.slow) for one in ("full", "a pipe that nobody reads"))]
+)
 def test_a_standard_output_that_takes_nothing_does_not_end_a_run(stream, whole, tmp_path):
     words = " ".join(f"'{word}'" for word in [*WORDS, f"run_dir={tmp_path / 'run'}"])
     where = {"full": ">/dev/full", "closed": ">&-", "a pipe that nobody reads": "| true"}[stream]

@@ -18,6 +18,7 @@ from aircl_jax.runs.directory import METRICS, STATE, SUMMARY, TIMING
 ITERATIONS, CHUNK = 12, 3
 SETTINGS = {
     "env": "gridworld",
+    "method": "aircl_corrected",
     "env_settings": {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4},
     "seeds": 2,
     "config": {
@@ -132,8 +133,8 @@ def test_a_finished_run_is_read_and_not_touched(finished):
 
 
 def test_a_changed_setting_is_refused_with_the_difference(finished):
-    with pytest.raises(ValueError, match=r"method is aircl_contrast there and airl here"):
-        train(**SETTINGS, method="airl", iterations=ITERATIONS, run_dir=finished, resume=True)
+    with pytest.raises(ValueError, match=r"method is aircl_corrected there and airl here"):
+        train(**(SETTINGS | {"method": "airl"}), iterations=ITERATIONS, run_dir=finished, resume=True)
 
 
 def test_a_shorter_run_is_refused(finished):

@@ -94,7 +94,9 @@ class Signalling:
         pass
 
 
-@pytest.mark.parametrize(("name", "code"), CODES)
+@pytest.mark.parametrize(
+    ("name", "code"), [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] != "SIGTERM")) for one in CODES]
+)
 def test_a_command_ends_with_the_signals_code_one_line_and_its_state_saved(name, code, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("experiments.run.Reporter", lambda headline: Signalling(name))
     assert main([*WORDS, f"run_dir={tmp_path}"]) == code
