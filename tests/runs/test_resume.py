@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from aircl_jax import train
 from aircl_jax.runs.directory import METRICS, STATE, SUMMARY, TIMING
 
 ITERATIONS, CHUNK = 12, 3
-SETTINGS = {
+SETTINGS: dict[str, Any] = {
     "env": "gridworld",
     "method": "aircl_corrected",
     "env_settings": {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4},
@@ -133,8 +134,9 @@ def test_a_finished_run_is_read_and_not_touched(finished):
 
 
 def test_a_changed_setting_is_refused_with_the_difference(finished):
+    changed: dict[str, Any] = {**SETTINGS, "method": "airl"}
     with pytest.raises(ValueError, match=r"method is aircl_corrected there and airl here"):
-        train(**(SETTINGS | {"method": "airl"}), iterations=ITERATIONS, run_dir=finished, resume=True)
+        train(**changed, iterations=ITERATIONS, run_dir=finished, resume=True)
 
 
 def test_a_shorter_run_is_refused(finished):
