@@ -14,6 +14,7 @@ from aircl_jax.messages import say
 from aircl_jax.runs.result import Result
 from aircl_jax.transfer.grid import in_every_world, learned, maps_of_a_grid
 from aircl_jax.transfer.table_tests import Learned, by_world, case, measures, true_reward
+from envs import Tabular
 from envs.layouts import LAYOUTS
 from envs.options import GridOptions
 from envs.registry import options_of
@@ -105,18 +106,18 @@ def _learned(
     if table is None:
         raise TypeError("a grid is a table")
     found = learned(result.spec.method, learned_tables(result.networks, result.states, table))
-    return list(result.summary["seeds"]), found, _apart(result, found)
+    return list(result.summary["seeds"]), found, _apart(result, table, found)
 
 
-def _apart(result: Result, found: Sequence[Learned]) -> dict[str, Any]:
+def _apart(result: Result, table: Tabular, found: Sequence[Learned]) -> dict[str, Any]:
     """Keep π's own measures, and which obstacles each seed found beside the true M of each: who could have found what."""
     metrics = result.summary["metrics"]
     kept = {name: metrics[name]["per_seed"] for name in OF_THE_POLICY}
-    forbidden = np.flatnonzero(np.asarray(result.spec.env.tabular.forbidden)) if result.spec.env.tabular else []
-    maps = maps_of_a_grid(result.spec, result.networks, result.states, result.expert)
-    flags = [np.zeros(0) if one.forbids is None else one.forbids for one in found]
     if not result.spec.method.tests_steps:
         return {"policy": kept}
+    forbidden = np.flatnonzero(np.asarray(table.forbidden))
+    maps = maps_of_a_grid(result.spec, result.networks, result.states, result.expert)
+    flags = [one.forbids for one in found if one.forbids is not None]
     return {
         "policy": kept,
         "obstacles": {

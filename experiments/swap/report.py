@@ -42,7 +42,8 @@ ABOUT = """What was learned is frozen, recombined, and a policy is made anew fro
 robots, without demonstrations, discriminator or clone. 1 is what the same learner earns on the true reward and constraint, 0
 what the uniform policy earns. A reward and a constraint are separately right where a row is near 1 in every column without
 more violations than the truth. Brackets hold 95 % bootstrap intervals over seeds, — a test that was not run."""
-GRIDS = """Means over the layouts on which every row is finished, three seeds (`random`: ten draws). Violations, after the
+GRIDS = """Means over the layouts on which every row is finished, three seeds (`random`: ten draws;
+`aircl_contrast`: ten fresh seeds). Violations, after the
 score, are shares of episodes less those of the truth's plan. `bc` has no reward: its policy acts as it is. Changed worlds are
 three other starts, wind .2, slip .2, two walls, twice the horizon, and three of these together."""
 APART = "Here 1 is right for `S1` and `split` (below 1, f holds the constraint), 0 for the distance (.71 is unrelated)."
