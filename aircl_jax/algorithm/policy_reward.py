@@ -16,8 +16,9 @@ def policy_reward(
     """r_t = f(s_t, a_t) [− mean_E f] [+ log δ₁(s_t, a_t)] − β log π(a_t|s_t), and the trajectory's bonus log δ_seq − mean.
 
     log δ₁ is at least −11.5, which stands for −∞ in the paper's rows. The entropy is causal and inside the reward (J + H of
-    Section 3.1). β = 1 in the paper's rows with a learned f. A centred discriminator, and a reward of states, subtract the constant mean_E f, which
-    moves no optimum and keeps the critic's targets near zero. Rows that test entries pay E[log δ₁(s_{t+1})] instead.
+    Section 3.1). β = 1 in the paper's rows with a learned f. Rows with a centred discriminator or a reward of states subtract
+    the constant mean_E f, which moves no optimum and keeps the critic's targets near zero. Rows that test entries pay
+    E[log δ₁(s_{t+1})] in place of log δ₁(s_t, a_t).
     """
     method, coefficients = nets.method, nets.config.coefficients
     scores = jax.vmap(nets.scores)(policy, policy.log_prob)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from aircl_jax.algorithm.entries import log_policy
 from aircl_jax.algorithm.scoring import roll_out_and_draw, trajectory_feasibility
 from aircl_jax.demonstrations.soft_optimal import occupancy, plan_expert
 from aircl_jax.model.feasibility import log_step_feasibility
@@ -100,7 +101,7 @@ def _grid_maps(
 def _tables(
     networks: Networks, table: Tabular, state: TrainState
 ) -> tuple[Float[Array, "X A"], Float[Array, "X A"], Float[Array, "T X A"]]:
-    nets, env = networks.bind(state.params, state.obs_stats), networks.env
+    nets = networks.bind(state.params, state.obs_stats)
     actions = jnp.arange(table.reward.shape[1])
 
     def maps(obs: Float[Array, " O"], action: Array) -> tuple[Array, Array]:
@@ -109,12 +110,8 @@ def _tables(
         log_step = log_step_feasibility(nets.method, nets.config.coefficients, scores)
         return nets.reward(obs, action), jnp.exp(log_step[0])
 
-    def log_policy(t: Array, obs: Float[Array, " O"]) -> Array:
-        return jax.vmap(lambda action: jnp.asarray(nets.policy(obs, t).log_prob(action)))(actions)
-
     reward, step_delta = jax.vmap(jax.vmap(maps, (None, 0)), (0, None))(table.obs, actions)
-    along = jax.vmap(jax.vmap(log_policy, (None, 0)), (0, None))(jnp.arange(env.horizon), table.obs)
-    return reward, step_delta, along
+    return reward, step_delta, log_policy(nets, table)
 
 
 def _state_rewards(networks: Networks, table: Tabular, state: TrainState) -> tuple[Float[Array, " X"], Float[Array, " X"]]:

@@ -10,7 +10,7 @@ from aircl_jax.analysis.episodes import gather_grid
 from aircl_jax.analysis.recovered import AVOIDED_BELOW, avoided, expected, recover
 from aircl_jax.analysis.recovered_limits import recovered_limits
 from aircl_jax.reports import markdown
-from aircl_jax.reports.card_of_entries import of_entries
+from aircl_jax.reports.card_of_entries import SEEDS_AGREE, of_entries
 from aircl_jax.runs.metrics_log import is_number
 from aircl_jax.runs.result import Result
 from envs import Codes, Grid
@@ -19,7 +19,6 @@ Card = Mapping[str, Any]  # {"wants": [..], "never": [..], "cannot_tell": [..], 
 
 SHOWN = 3  # entries of each list in a run's closing lines
 MOST = 12  # entries of each list in card.md
-SEEDS_AGREE = 0.5  # share of the seeds that must draw a limit or forbid a cell for it to be listed
 
 _LOG_POLICY = (
     "Reward and constraint are not separable here: f = log π_E. A discriminator is at rest where f equals the logarithm of "

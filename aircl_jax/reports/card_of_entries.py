@@ -12,7 +12,7 @@ from aircl_jax.runs.result import Result
 from envs import Grid, Tabular
 
 LEAST_WEIGHT = 0.25  # of β: a reward about which nothing is said
-SEEDS_AGREE = 0.5  # share of the seeds that must forbid a cell for it to be listed
+SEEDS_AGREE = 0.5  # share of the seeds that must draw a limit or forbid a cell for it to be listed
 LEAST_TEMPTED = 0.01  # share of steps that the plan of f alone must spend in forbidden cells for f to be without them
 _AXES = ("one row further down", "one column further right")
 

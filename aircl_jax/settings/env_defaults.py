@@ -108,8 +108,8 @@ _TUNED_WALKER = replace(
 )
 
 
-# f is slower than π, whose occupancy it is compared with, and both rates fall to 0. δ₁ waits for a fifth of the run: what is not
-# done is first explained by what is wanted. ϑ lies below e^−1.5: a step into mud is rare too.
+# f is slower than π, whose occupancy it is compared with, and both rates fall to 0. δ₁ waits for a fifth of the run: what is
+# not done is first explained by what is wanted. ϑ lies below e^−1.5: a step into mud is rare too.
 _CONTRAST_GRID = replace(
     _GRID,
     iterations=300,

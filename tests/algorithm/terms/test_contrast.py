@@ -1,6 +1,7 @@
 """The contrast row's terms and entry counts against naive float64 numpy."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -247,3 +248,19 @@ def test_the_papers_contrast_prior_is_refused():
     with pytest.raises(ValueError, match="contrast_prior='on': aircl_contrast has no f"):
         get_method("aircl_contrast", "on")
     assert get_method("aircl_contrast", "off") == ROW
+
+
+def test_what_the_worlds_table_says_of_reward_and_constraint_is_not_read():
+    table = table_of(SLIPPING)
+    unknown = {name: jnp.full_like(getattr(table, name), jnp.nan) for name in ("reward", "cost", "forbidden", "goal")}
+    expert = random_trajectories(SLIPPING, 0, TINY.num_demonstrations)
+
+    def after_a_step(world):
+        trainer = make_trainer(replace(SLIPPING, tabular=world), ROW, replace(TINY, feasibility_delay=0))
+        return trainer.step(trainer.init(jax.random.key(0), expert), expert)[0].params
+
+    with jax.enable_x64(False):
+        expert = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.int32 if leaf.dtype.kind == "i" else jnp.float32), expert)
+        known, blind = (jax.jit(partial(after_a_step, world))() for world in (table, table._replace(**unknown)))
+    jax.tree.map(np.testing.assert_array_equal, known, blind)
+    assert np.any(known.entry_price)
