@@ -19,7 +19,7 @@ class Method:
     centred: bool = False  # the logits of D are taken less their mean over both sets, and π is paid f less its mean over D_E
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
-    learner: Literal["ppo", "cloning"] = "ppo"
+    learner: Literal["ppo", "cloning", "twins"] = "ppo"  # twins: one policy by PPO-Lagrangian, one by f alone (docs/robots.md)
     state_reward: bool = False  # f(s, a) = g(s) + E[h(s')] − h(s), h linear in where one is; else f(s, a) is any function
     tests_entries: bool = False  # δ₁ is of the state that a step enters and is paid on the way in; else of the step itself
     settings: Literal["paper", "tuned", "contrast"] = "paper"  # which defaults of `config` it runs with
@@ -59,6 +59,11 @@ class Method:
     @property
     def clones(self) -> bool:
         return self.learner == "cloning"
+
+    @property
+    def has_twin(self) -> bool:
+        """Whether θ follows the moments and a policy of f alone says what was tempting: worlds without a table."""
+        return self.learner == "twins"
 
     @property
     def is_linear(self) -> bool:
@@ -115,6 +120,7 @@ _CONTRAST = Method(
     tests_entries=True,
     settings="contrast",
 )
+_CONTRAST_OF_ACTIONS = replace(_CONTRAST, terms=(), tests_entries=False, learner="twins")
 _AIRL = Method(reward="learned", discriminator_of="step", feasibility="none", terms=("discriminator",))
 
 METHODS: dict[str, Method] = {
@@ -143,11 +149,15 @@ METHODS: dict[str, Method] = {
 }
 
 
-def get_method(name: str, contrast_prior: Literal["method", "on", "off"] = "method") -> Method:
+# What a row is where actions are of a box and there is no table: entries cannot be counted, limits of actions can.
+OF_BOXES: dict[str, Method] = {"aircl_contrast": _CONTRAST_OF_ACTIONS}
+
+
+def get_method(name: str, contrast_prior: Literal["method", "on", "off"] = "method", *, of_box: bool = False) -> Method:
     """The row of that name; `contrast_prior` adds Eq. 13 to any row with a feasibility, or takes it away."""
     if name not in METHODS:
         raise ValueError(f"unknown method {name!r}; choose from {', '.join(METHODS)}")
-    method = METHODS[name]
+    method = OF_BOXES.get(name, METHODS[name]) if of_box else METHODS[name]
     if contrast_prior == "method":
         return method
     if not method.learns_feasibility:

@@ -11,6 +11,7 @@ from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
 GOAL_TOLERANCE = 1e-3
+FINITE = "finite"  # name among the metrics of a step
 
 
 def all_finite(tree: Any) -> Bool[Array, ""]:

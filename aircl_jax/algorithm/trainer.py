@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from aircl_jax.algorithm import adversary, cloning, entries
+from aircl_jax.algorithm import adversary, cloning, entries, twins
 from aircl_jax.algorithm.learners import exact, ppo
-from aircl_jax.algorithm.measures import all_finite, step_metrics
+from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.algorithm.scoring import calibrated, roll_out_and_draw
@@ -21,8 +21,6 @@ from aircl_jax.model.networks import Networks, make_networks
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
 from envs import Env
-
-FINITE = "finite"  # name among the metrics of a step
 
 
 class Trainer(NamedTuple):
@@ -40,6 +38,10 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     """Make the training loop's two functions for a method on an environment. `expert` is D_E, [N_E, T, …]."""
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
+    if method.has_twin:
+        nets = make_networks(env, method, config)
+        steps = twins.make_steps(nets)
+        return Trainer(lambda key, expert: steps.init(key, expert, observation_stats(expert)), steps.step, nets)
     table = exact.plannable(env, method, config) if config.learner == "exact" else None
     places = entries.counted_table(env, method) if method.state_reward else None
     nets = make_networks(env, method, config)

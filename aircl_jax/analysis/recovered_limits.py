@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
+from aircl_jax.model.features import UNLIMITED
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
 from aircl_jax.types import FeasibilityScores, TrainState
@@ -48,6 +49,8 @@ def recovered_limits(result: Result) -> Limits | None:
     nets, space = result.networks, result.spec.env.action_space
     if not nets.method.tests_steps or not isinstance(space, Box):
         return None
+    if nets.method.has_twin:
+        return _limits_of_actions(result, space)
     unmasked = np.asarray(result.expert.mask[0]) > 0
     obs, action = np.asarray(result.expert.obs[0])[unmasked], np.asarray(result.expert.action[0])[unmasked]
     seen = np.concatenate([obs, np.clip(action, space.low, space.high)], axis=1)
@@ -72,6 +75,17 @@ def recovered_limits(result: Result) -> Limits | None:
         np.where(beyond(seen[:, shown], ends[..., side], side) <= LAPSES, ends[..., side], np.nan) for side in (0, 1)
     )
     return Limits(tuple(names[i] for i in shown), lower, upper, least[shown], greatest[shown])
+
+
+def _limits_of_actions(result: Result, space: Box) -> Limits:
+    """Read the limits that the row has as parameters."""
+    drawn = result.states.params.feasibility["step"]["params"]
+    ends = [jnp.asarray(drawn[side]) for side in ("lower", "upper")]
+    lower, upper = (
+        np.asarray(jnp.where(jnp.abs(of_side) < UNLIMITED, space.from_half_widths(of_side), jnp.nan), float) for of_side in ends
+    )
+    taken = np.clip(np.asarray(result.expert.action[0]), space.low, space.high)[np.asarray(result.expert.mask[0]) > 0]
+    return Limits(result.spec.env.motor_names, lower, upper, taken.min(axis=0), taken.max(axis=0))
 
 
 def beyond(seen: Float[np.ndarray, "N I"], limits: Float[np.ndarray, "S I"], side: int) -> Float[np.ndarray, "S I"]:

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.methods import Method
+from aircl_jax.model.features import ActionLimits, FeatureReward
 from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, BoxGaussian, LinearEncoder, Policy, Table
 from aircl_jax.model.moves import expected_moves
 from aircl_jax.settings.train_config import TrainConfig
@@ -30,8 +31,8 @@ class Networks:
     config: TrainConfig
     policy_net: Policy | Table
     value_net: MLP | Table
-    reward_net: MLP
-    step_net: MLP | AdditiveNet
+    reward_net: MLP | FeatureReward
+    step_net: MLP | AdditiveNet | ActionLimits
     sequence_net: nn.Module
     moves: Float[Array, "O A P"] | None = None  # E[position of s'] − position of s, in rows with a reward of states
 
@@ -46,6 +47,7 @@ class Networks:
             feasibility["step"] = self.step_net.init(key_step, seen)
         if self.method.tests_trajectories:
             feasibility["sequence"] = self.sequence_net.init(key_sequence, seen[None], jnp.ones(1))
+        of_entries = (self.env.obs_size, self.env.action_space.feature_size)
         return Params(
             policy=self.policy_net.init(key_policy, acting),
             value=self.value_net.init(key_value, acting),
@@ -53,14 +55,12 @@ class Networks:
             feasibility=feasibility,
             # Never weakly typed: a state that `step` returns with another type would compile the whole chunk a second time.
             thresholds=Thresholds(*[jnp.log(jnp.asarray(self.config.coefficients.threshold, jnp.float32))] * 2),
-            entry_price=jnp.zeros((self.env.obs_size, self.env.action_space.feature_size))
-            if self.method.tests_entries
-            else None,
+            entry_price=jnp.zeros(of_entries) if self.method.tests_entries else None,
         )
 
     def _init_reward(self, key: PRNGKeyArray) -> Any:
         if self.moves is None:
-            return self.reward_net.init(key, jnp.zeros(self.reward_size))
+            return self.reward_net.init(key, jnp.zeros(self.env.obs_size if self.method.has_twin else self.reward_size))
         size = self.reward_size - self.env.action_space.feature_size
         return {"state": self.reward_net.init(key, jnp.zeros(size)), "potential": jnp.zeros(self.moves.shape[-1])}
 
@@ -72,6 +72,8 @@ class Networks:
     @property
     def constraint_input(self) -> str:
         """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows."""
+        if self.method.has_twin:
+            return "action"
         if self.config.constraint_input != "env":
             return self.config.constraint_input
         return self.env.constraint_input if self.method.is_ratio_test else "state_action"
@@ -91,8 +93,8 @@ class Networks:
 
     @property
     def reward_size(self) -> int:
-        seen = self.env.reward_view_size or self.env.obs_size
-        return (seen if self.config.reward_input == "view" else self.env.obs_size) + self.env.action_space.feature_size
+        seen = (self.config.reward_input == "view" and self.env.reward_view_size) or self.env.obs_size
+        return seen + self.env.action_space.feature_size
 
     def bind(self, params: Params, stats: ObsStats) -> "BoundNetworks":
         """The networks with their parameters and the statistics by which they see observations."""
@@ -150,6 +152,8 @@ class BoundNetworks:
 
     def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
         """f_θ(s, a), on the environment's smooth coordinates or on s̃; of a reward of states g(s) + E[h(s')] − h(s)."""
+        if self.method.has_twin:
+            return self.networks.reward_net.apply(self.params.reward, self.normalise(obs))[0]
         taken = self.env.action_space.features(action)
         if self.networks.moves is not None:
             moved = taken @ jnp.einsum("o,oap->ap", obs, self.networks.moves)
@@ -178,10 +182,11 @@ class BoundNetworks:
         return jnp.concatenate([state] * self.networks.feasibility_sees_state + [taken] * self.networks.feasibility_sees_action)
 
     def step_logit(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
-        """Logit of the per-step feasibility network; 0 where the method has none."""
+        """Logit of the per-step feasibility; 0 where the method has none. On a limit of an action it is log ϑ."""
         if not self.method.tests_steps:
             return jnp.zeros(())
-        return self.networks.step_net.apply(self.params.feasibility["step"], self.feasibility_input(obs, action))[0]
+        logit = self.networks.step_net.apply(self.params.feasibility["step"], self.feasibility_input(obs, action))[0]
+        return logit + jnp.log(jnp.asarray(self.config.coefficients.threshold)) if self.method.has_twin else logit
 
     def sequence_logit(
         self, obs: Float[Array, "T O"], action: Shaped[Array, "T *A"], mask: Float[Array, " T"]
@@ -242,23 +247,24 @@ class BoundNetworks:
 
 def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
     """The networks of a method's row on an environment: the linear rows have no hidden layer in f and δ̄."""
-    linear = method.is_linear
-    hidden = () if linear else config.hidden
-    step_net = MLP(hidden, 1, activation="relu", bias=SEQUENCE_BIAS)
+    linear, hidden = method.is_linear, () if method.is_linear else config.hidden
+    reward_net, step_net = MLP(hidden, 1, activation="relu"), MLP(hidden, 1, activation="relu", bias=SEQUENCE_BIAS)
     if config.step_network == "additive" and not linear:
         step_net = AdditiveNet(config.additive_hidden, bias=SEQUENCE_BIAS)
+    if method.has_twin:
+        reward_net, step_net = FeatureReward(), ActionLimits()
     policy_net, value_net = Policy(env.action_space, config.hidden, config.ppo.log_std_init), MLP(config.hidden, 1)
     if config.learner == "exact":
-        policy_net = Table(env.horizon, env.obs_size, env.action_space.feature_size)
-        value_net = Table(env.horizon, env.obs_size, 1)
+        size = env.horizon, env.obs_size
+        policy_net, value_net = Table(*size, env.action_space.feature_size), Table(*size, 1)
     return Networks(
         env=env,
         method=method,
         config=config,
         policy_net=policy_net,
         value_net=value_net,
-        reward_net=MLP(hidden, 1, activation="relu"),
+        reward_net=reward_net,
         step_net=step_net,
         sequence_net=LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden),
-        moves=expected_moves(env) if method.state_reward else None,
+        moves=expected_moves(env) if method.state_reward and not method.has_twin else None,
     )

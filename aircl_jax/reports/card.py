@@ -11,6 +11,7 @@ from aircl_jax.analysis.recovered import AVOIDED_BELOW, avoided, expected, recov
 from aircl_jax.analysis.recovered_limits import recovered_limits
 from aircl_jax.reports import markdown
 from aircl_jax.reports.card_of_entries import SEEDS_AGREE, of_entries
+from aircl_jax.reports.card_of_limits import of_limits
 from aircl_jax.runs.metrics_log import is_number
 from aircl_jax.runs.result import Result
 from envs import Codes, Grid
@@ -47,6 +48,8 @@ def card_of(result: Result) -> dict[str, Any]:
     method, view = result.spec.method, result.spec.env.view
     if method.tests_entries and isinstance(view, Grid) and result.spec.env.tabular is not None:
         return of_entries(result, view, result.spec.env.tabular)
+    if method.has_twin:
+        return of_limits(result)
     never: list[dict[str, Any]] = []
     cannot: list[str] = []
     if not method.learns_reward:

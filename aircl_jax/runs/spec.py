@@ -17,7 +17,7 @@ from aircl_jax.settings.env_defaults import CORRECTED, config_of, default_method
 from aircl_jax.settings.renamed import refuse_old_names, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
-from envs import Env
+from envs import Box, Env
 from envs.checks import check_env
 from envs.registry import build, options_of
 from envs.settings import at_least, plain, updated
@@ -88,7 +88,7 @@ def make_spec(
     check_env(world)
     if method == "default":
         method = default_method(world.name) if world.registered else CORRECTED
-    row = get_method(method, contrast_prior)
+    row = get_method(method, contrast_prior, of_box=isinstance(world.action_space, Box))
     check_method(method, row)
     if not isinstance(config, TrainConfig):
         refuse_old_names(config, "train")

@@ -3,8 +3,9 @@
 from dataclasses import asdict, replace
 from typing import Any, Literal
 
+from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import AdversaryConfig, Coefficients, PPOConfig, TrainConfig
-from envs import ENVS, Env
+from envs import ENVS, Box, Env
 from envs.settings import flatten
 
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
@@ -122,8 +123,30 @@ _CONTRAST_GRID = replace(
 )
 
 
+# The learner of docs/learner.md, 8,000 steps an iteration; π's rate would be 0 a few iterations after the last one.
+_CONTRAST_ROBOT = replace(
+    _ROBOT,
+    iterations=300,
+    num_trajectories=16,
+    checkpoint_every=30,
+    feasibility_delay=120,
+    lr_decay_iterations=315,
+    ppo=LearnerConfig().ppo,
+    coefficients=Coefficients(threshold=0.05, pseudo_count=0.5),
+)
+
+
+STEPS_OF_ROBOTS = 500  # the shipped robots' horizon
+
+
 # What the contrast rows run with. On the non-Markov grid the feasibility is the corrected row's.
-CONTRAST: dict[str, TrainConfig] = {"gridworld": _CONTRAST_GRID, "nonmarkov": _TUNED_NONMARKOV}
+CONTRAST: dict[str, TrainConfig] = {
+    "gridworld": _CONTRAST_GRID,
+    "nonmarkov": _TUNED_NONMARKOV,
+    "swimmer": _CONTRAST_ROBOT,
+    "walker": replace(_CONTRAST_ROBOT, iterations=500, feasibility_delay=200, lr_decay_iterations=525),
+    "pendulum": replace(_CONTRAST_ROBOT, num_trajectories=80),
+}
 
 
 # What the centred and corrected rows run with.
@@ -160,7 +183,11 @@ def default_config(env_name: str, settings: Literal["paper", "tuned", "contrast"
 
 def config_of(env: Env, settings: Literal["paper", "tuned", "contrast"]) -> TrainConfig:
     """The settings of an environment; an Env of one's own takes none by its name."""
-    return default_config(env.name, settings) if env.registered else TrainConfig()
+    if env.registered:
+        return default_config(env.name, settings)
+    steps = _CONTRAST_ROBOT.num_trajectories * STEPS_OF_ROBOTS
+    own = replace(_CONTRAST_ROBOT, num_trajectories=max(1, -(-steps // env.horizon)))
+    return own if settings == "contrast" and isinstance(env.action_space, Box) else TrainConfig()
 
 
 def unnamed_settings(env_name: str) -> dict[str, Any]:

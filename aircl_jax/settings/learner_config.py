@@ -25,6 +25,7 @@ class LearnerConfig:
     multiplier_max: float = 1000.0
     release: float = 0.0  # share of the iterations for which unconstrained seeds keep the constraint
     released_log_std_max: float = -1.2  # upper bound of log σ of unconstrained seeds: σ ≤ .3
+    stray_cost: float = 0.0  # of a step after which the world starts anew, in standard deviations of the reward
     restart: bool = False  # practise with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
     fall_cost: float = 1.0  # cost of a fall in practice
     ppo: PPOConfig = field(

@@ -23,7 +23,8 @@ class Coefficients:
     false_alarms: Scalar = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
     sequence_ridge: Scalar = 0.0  # η: weight of z² of the corrected trajectory-level term
     reward_scatter: Scalar = 0.7  # σ of g(s) about its mean, in units of β: the prior of a reward of states
-    pseudo_count: Scalar = 0.25  # ε: entries added to those made and to those expected, in the test of entries
+    pseudo_count: Scalar = 0.25  # ε: added to what was made and to what is expected, in the tests of entries and of actions
+    least_expected: Scalar = 500.0  # M: actions that must have been expected beyond a limit of the test of actions
     icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 
@@ -55,6 +56,22 @@ class AdversaryConfig:
 
 
 @dataclass(frozen=True)
+class MomentConfig:
+    """The reward of a world without a table: θ by the gap of the feature means, E_E φ − E_π φ."""
+
+    rate: Scalar = 0.05  # α of plain gradient descent
+    sparsity: Scalar = 0.1  # λ of the soft threshold of each feature
+    norm: Scalar = 0.5  # B: greatest ‖θ‖, and its only one from `sphere` on
+    sphere: int = 40  # iterations
+    averaged_from: Scalar = 0.5  # share of the run after which θ is averaged: the mean is what is learned
+    margin: Scalar = 1.0  # how far beyond the demonstrations' range π may stray, in its widths, before it starts anew
+    stray_cost: Scalar = 50.0  # what that costs, in standard deviations of f
+    multiplier_init: Scalar = 0.3  # λ when the constraint begins
+    multiplier_rate: Scalar = 0.03  # of log λ an iteration; the greatest and d are the learner's
+    near: Scalar = 0.175  # root mean square of the gap under which the means have nearly met: constraint and twin begin
+
+
+@dataclass(frozen=True)
 class TrainConfig:
     iterations: int = 250
     num_trajectories: int = 70  # N: trajectories of D_P a round; Table 2's "sampled trajectory"
@@ -79,4 +96,5 @@ class TrainConfig:
     checkpoint_every: int = 25  # iterations between two checkpoints, log flushes and evaluations
     ppo: PPOConfig = field(default_factory=PPOConfig)
     adversary: AdversaryConfig = field(default_factory=AdversaryConfig)
+    moments: MomentConfig = field(default_factory=MomentConfig)
     coefficients: Coefficients = field(default_factory=Coefficients)

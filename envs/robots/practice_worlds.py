@@ -11,12 +11,12 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from envs import Env, Step
 
 
-def weakened(env: Env, limit: Float[Array, ""]) -> Env:
-    """Give the world motors that stop at ±limit. Asking for more has cost 1."""
+def weakened(env: Env, lower: Float[Array, "*A"], upper: Float[Array, "*A"]) -> Env:
+    """Give the world motors that stop at these limits. Asking for more has cost 1."""
 
     def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
-        state, result = env.step(key, state, jnp.clip(action, -limit, limit))
-        asked = (jnp.abs(action) > limit).any().astype(result.cost.dtype)
+        state, result = env.step(key, state, jnp.clip(action, lower, upper))
+        asked = ((action < lower) | (action > upper)).any().astype(result.cost.dtype)
         return state, result._replace(cost=jnp.maximum(result.cost, asked))
 
     return replace(env, step=step)
@@ -41,6 +41,17 @@ def restarting(env: Env, fall_cost: float) -> Env:
         return (jax.tree.map(pick, risen, moved), ended), shown
 
     return replace(env, reset=reset, step=step)
+
+
+def bounded(env: Env, low: Float[Array, " O"], high: Float[Array, " O"]) -> Env:
+    """End the world where a coordinate of the observation leaves [low, high]."""
+
+    def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
+        state, result = env.step(key, state, action)
+        outside = ((result.obs < low) | (result.obs > high)).any().astype(result.terminated.dtype)
+        return state, result._replace(terminated=jnp.maximum(result.terminated, outside))
+
+    return replace(env, step=step)
 
 
 def clipped_world(env: Env, limit: float) -> Env:

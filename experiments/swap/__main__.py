@@ -30,12 +30,13 @@ ROWS = (
     "aircl_corrected",
     "aircl_contrast",
     "aircl_contrast planned",
+    "aircl_contrast as it is",
     "aircl_corrected as it is",
     "bc as it is",
 )
 ROWS_OF_GRIDS = ("oracle", "random", "bc", "airl_centred", "aircl_corrected", "aircl_contrast", "aircl_contrast planned")
 
-ONLY_ON_GRIDS = ("aircl_contrast", "aircl_contrast planned")
+ONLY_ON_GRIDS = ("aircl_contrast planned",)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from experiments.shared.commits import current_commit
 from experiments.shared.kept_files import keep, read_kept
 from experiments.swap.robot_tests import Test
 
+CONTRAST = "aircl_contrast"
 ORACLE, UNIFORM, RANDOM, AS_IS = "oracle", "uniform", "random", " as it is"
 FIRST_SEED = 9000  # of fresh policies: no learned seed, no seed that a setting was chosen on
 FIRST_FREE_SEED = 9300  # of those without a constraint: earlier ones were spent on a defect (docs/learner.md)
@@ -41,6 +42,10 @@ class Study:
     seeds: int
     iterations: int  # of fresh policies; 0: the learner's own
     result: Result | None = None  # a finished run in place of the rows' own
+
+    def seeds_of(self, method: str) -> int:
+        """How many seeds a row has: the contrast row as many as the oracle, unless a run or a smaller study was given."""
+        return max(self.seeds, self.oracle_seeds) if method == CONTRAST and self.result is None else self.seeds
 
     def path(self, env: str, row: str, test: str) -> Path:
         return self.out / env / row.replace(" ", "_") / f"{test.replace(' ', '_')}.json"
@@ -85,7 +90,7 @@ def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:
     config = learner_config(env, constrained=test.constrained)
     if study.iterations:
         config = replace(config, iterations=study.iterations)
-    number = study.oracle_seeds if row == ORACLE else study.seeds
+    number = study.oracle_seeds if row == ORACLE else study.seeds_of(row)
     reward, cost = _parts(study, env, row, test, number, world)
     practice = make_env(env, **test.settings, terminate=True) if config.restart else None
     first = FIRST_SEED if test.constrained else FIRST_FREE_SEED
@@ -120,7 +125,7 @@ def _trained(study: Study, env: str, method: str) -> Result:
     if study.result is not None:
         return study.result
     directory = study.runs / env / method
-    return train(env, method, seeds=study.seeds, run_dir=directory, resume=True)
+    return train(env, method, seeds=study.seeds_of(method), run_dir=directory, resume=True)
 
 
 def _uniform(world: Env, number: int) -> dict[str, list[float]]:

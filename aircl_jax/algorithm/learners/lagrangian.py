@@ -85,7 +85,8 @@ def make_lagrangian(env: Env, config: LagrangianConfig) -> Lagrangian:
         acting = bound(nets, state)
         held = (constrained > 0) | (state.step < config.release * config.iterations)
         multiplier = jnp.where(held, state.multiplier, 0.0)
-        motors = weakened(env, jnp.where(held, config.motor_limit, jnp.inf)) if config.motor_limit else env
+        limit = jnp.where(held, config.motor_limit, jnp.inf)
+        motors = weakened(env, -limit, limit) if config.motor_limit else env
         world = restarting(motors, config.fall_cost)
         episodes = rollouts(acting, key_rollout, config.num_trajectories, world)
         batch = make_batch(acting, state.cost_value, episodes, multiplier, config)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.tree_util import Partial
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from aircl_jax.algorithm.learners.lagrangian import Moments, next_multiplier, observe, stats_of
 from aircl_jax.algorithm.learners.scale_free_update import Trained, make_batch, make_optimiser, update
@@ -103,7 +103,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
     def step(state: LearnerState, task: Task) -> tuple[LearnerState, Metrics]:
         key, key_rollout, key_update = jax.random.split(state.key, 3)
         acting = bound(nets, state)
-        trajectories, ends = practise(acting, state, key_rollout, world, config)
+        trajectories, ends = practise(acting, state.ends, state.step > 0, key_rollout, world, config)
         reward, cost = jax.vmap(task.objective)(trajectories)
         cost = jnp.maximum(cost, config.fall_cost * falls(trajectories.mask))
         held = (task.constrained > 0) | (state.step < config.release * config.iterations)
@@ -143,17 +143,22 @@ def bound(nets: Networks, state: LearnerState) -> BoundNetworks:
 
 
 def practise(
-    acting: BoundNetworks, state: LearnerState, key: PRNGKeyArray, world: Env, config: LearnerConfig
+    acting: BoundNetworks,
+    ends: tuple[Any, Float[Array, "N O"]],
+    started: Bool[Array, ""],
+    key: PRNGKeyArray,
+    world: Env,
+    config: LearnerConfig,
 ) -> tuple[Trajectory, tuple[Any, Float[Array, "N O"]]]:
     """Roll out N times, [N, T, …], from resets or, with probability `continued`, from where the last rollouts ended."""
 
     def one(key: PRNGKeyArray, end: tuple[Any, Array]) -> tuple[Trajectory, tuple[Any, Array]]:
         key_reset, key_choice, key_steps = jax.random.split(key, 3)
-        goes_on = (jax.random.uniform(key_choice) < config.continued) & (state.step > 0)
+        goes_on = (jax.random.uniform(key_choice) < config.continued) & started
         start = jax.tree.map(lambda old, new: jnp.where(goes_on, old, new), end, world.reset(key_reset))
         return rollout_from(acting, key_steps, start, world)
 
-    return jax.vmap(one)(jax.random.split(key, config.num_trajectories), state.ends)
+    return jax.vmap(one)(jax.random.split(key, config.num_trajectories), ends)
 
 
 def falls(mask: Float[Array, "N T"]) -> Float[Array, "N T"]:

@@ -207,7 +207,7 @@ def test_the_best_gaussian_under_a_limit_stays_a_few_sigma_below_it_and_without_
 
 def test_weakened_motors_stop_at_the_limit_and_to_ask_for_more_costs():
     world = limited_world(limit=2.0)
-    weak = weakened(world, jnp.asarray(0.3))
+    weak = weakened(world, jnp.asarray(-0.3), jnp.asarray(0.3))
     state, _ = world.reset(jax.random.key(0))
     for asked, given, cost in [(0.2, 0.2, 0.0), (0.3, 0.3, 0.0), (0.9, 0.3, 1.0), (-0.9, -0.3, 1.0)]:
         _, result = weak.step(jax.random.key(0), state, jnp.asarray([asked]))

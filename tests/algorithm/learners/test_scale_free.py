@@ -128,11 +128,15 @@ def test_the_rate_is_zero_after_the_last_update():
     np.testing.assert_allclose(sizes[updates // 2], sizes[0] / 2, rtol=1e-3)
 
 
+def again(learner, state, config):
+    return practise(bound(learner.nets, state), state.ends, state.step > 0, jax.random.key(1), counting_world(), config)
+
+
 @pytest.mark.parametrize(("continued", "first"), [(0.0, 0.0), (1.0, 4.0)])
 def test_rollouts_go_on_from_where_the_last_ones_ended(continued, first):
     config = replace(CONFIG, continued=continued)
     learner, state, _ = started(config, steps=1)
-    trajectories, ends = practise(bound(learner.nets, state), state, jax.random.key(1), counting_world(), config)
+    trajectories, ends = again(learner, state, config)
     np.testing.assert_array_equal(trajectories.obs[:, 0, 0], first)
     np.testing.assert_array_equal(ends[1][:, 0], first + 4)
 
@@ -141,7 +145,7 @@ def test_the_first_rollouts_begin_at_a_reset():
     config = replace(CONFIG, continued=1.0)
     learner, state, _ = started(config)
     state = state._replace(ends=jax.tree.map(lambda leaf: leaf + 100.0, state.ends))
-    trajectories, _ = practise(bound(learner.nets, state), state, jax.random.key(1), counting_world(), config)
+    trajectories, _ = again(learner, state, config)
     np.testing.assert_array_equal(trajectories.obs[:, 0, 0], 0.0)
 
 
@@ -153,7 +157,7 @@ def test_both_critics_bootstrap_from_the_last_observation():
     learner, state, _ = started(steps=1)
     acting = bound(learner.nets, state)
     critic = state.trained.cost_value
-    trajectories, ends = practise(acting, state, jax.random.key(1), counting_world(), CONFIG)
+    trajectories, ends = again(learner, state, CONFIG)
     zeros = jnp.zeros_like(trajectories.mask)
     batch = make_batch(acting, critic, trajectories, ends[1], zeros, zeros, jnp.zeros(()), CONFIG)
     target, cost_target = (leaf.reshape(zeros.shape) for leaf in (batch.target, batch.cost_target))

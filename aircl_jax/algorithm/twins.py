@@ -1,0 +1,199 @@
+"""The contrast row where actions are of a box: a reward by moments, limits by what a tempted twin of the policy would do.
+
+One fused step of one seed, as in `trainer`. π is paid f and kept within the limits by PPO-Lagrangian. The twin goes on with f
+alone, from the π of the iteration in which the feature means have nearly met (docs/robots.md).
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from aircl_jax.algorithm import action_limits, moments
+from aircl_jax.algorithm.learners import practice as practising
+from aircl_jax.algorithm.learners.practice import Learning, Practice
+from aircl_jax.algorithm.learners.scale_free import falls
+from aircl_jax.algorithm.learners.scale_free_update import make_optimiser
+from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
+from aircl_jax.algorithm.sampler import take
+from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
+from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
+from aircl_jax.model.features import UNLIMITED
+from aircl_jax.model.networks import BoundNetworks, Networks
+from aircl_jax.settings.learner_config import LearnerConfig
+from aircl_jax.settings.train_config import TrainConfig
+from aircl_jax.types import Metrics, ObsStats, Params, TrainState, Trajectory
+from envs import Box, Env
+from envs.robots.practice_worlds import bounded, restarting, weakened
+
+ASKED = 5  # demonstrated trajectories in whose states the twin is asked each iteration
+WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
+LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
+_NO_REPLAY: Any = None  # no term of the row has negatives
+
+
+class Contrast(NamedTuple):
+    """What reward and limits are learned from."""
+
+    weights: moments.Weights
+    made: action_limits.Made
+    expected: Float[Array, "A B"]  # M / steps: mean over all iterations so far
+    near: Float[Array, ""]  # iterations in a row in which the means had nearly met
+    since: Float[Array, ""]  # iterations since the constraint and the twin began
+    twin: Practice
+    reach: tuple[Float[Array, " O"], Float[Array, " O"]]  # least and greatest of what the demonstrations saw
+
+
+class Steps(NamedTuple):
+    """`init(key, expert, stats) -> state` and `step(state, expert) -> (state, metrics)` of one seed."""
+
+    init: Callable[[PRNGKeyArray, Trajectory, ObsStats], TrainState]
+    step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
+
+
+def make_steps(nets: Networks) -> Steps:
+    """Make the training loop's two functions.
+
+    Raises:
+        ValueError: in one line, where actions are not of a bounded box, or the task ends at the horizon.
+    """
+    env, config = nets.env, nets.config
+    _box(env)
+    settings = learner_of(config)
+    learning = Learning(settings, make_optimiser(settings, env.horizon))
+
+    def init(key: PRNGKeyArray, expert: Trajectory, stats: ObsStats) -> TrainState:
+        key, key_nets, key_cost, key_world = jax.random.split(key, 4)
+        taken = jax.vmap(jax.vmap(env.action_space.features))(expert.action)
+        params, reach = with_std(nets.init(key_nets), taken, expert.mask), reached(expert)
+        world = practice_world(env, reach, config)
+        practice = practising.begin(learning, params, nets.init(key_cost).value, world, key_world)
+        made = action_limits.actions_made(taken.reshape(-1, taken.shape[-1]), expert.mask.ravel())
+        nothing = jnp.zeros_like(params.reward["params"]["weights"])
+        contrast = Contrast(
+            moments.Weights(nothing, nothing), made, jnp.zeros_like(made.number), jnp.zeros(()), jnp.zeros(()), practice, reach
+        )
+        return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
+
+    def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+        key, key_rollout, key_asked, key_update, key_twin, key_twin_update = jax.random.split(state.key, 6)
+        contrast, started = state.adversary_opt, state.step > 0
+        before = nets.bind(state.params, state.obs_stats)
+        free = practice_world(env, contrast.reach, config)
+        bound = (contrast.since > 0).astype(jnp.float32)
+        held = weakened(free, *limits_of_motors(before, bound))
+        policy, practice = practising.roll_out(learning, before, state.ppo_opt, held, started, key_rollout)
+
+        gap = moments.mean_features(before, expert) - moments.mean_features(before, policy)
+        weights = moments.next_weights(contrast.weights, gap, state.step, config.iterations, config.moments)
+        share = asked_of(practising.acting(before, contrast.twin), expert, key_asked)
+        expected = contrast.expected + (share - contrast.expected) / (state.step + 1.0)
+        params = state.params._replace(
+            reward={"params": {"weights": weights.mean}}, feasibility=limited(contrast.made, expected, config)
+        )
+        params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert)
+        near = (contrast.near + 1.0) * (jnp.sqrt((gap**2).mean()) < config.moments.near)
+        began = (contrast.since > 0) | (near >= LASTING) | (state.step >= config.feasibility_delay)
+
+        after = nets.bind(params, state.obs_stats)
+        paying = after.with_params(reward={"params": {"weights": weights.now}})
+        cost = bound * beyond(after, policy)
+        new, losses = practising.learn(learning, before, practice, policy, jax.vmap(paying.f)(policy), cost, bound, key_update)
+
+        def alone(twin: Practice) -> tuple[Practice, Trajectory]:
+            tempted, twin = practising.roll_out(learning, before, twin, free, started, key_twin)
+            pay, nothing = jax.vmap(paying.f)(tempted), jnp.zeros_like(tempted.mask)
+            return practising.learn(learning, before, twin, tempted, pay, nothing, jnp.zeros(()), key_twin_update)[0], tempted
+
+        twin, tempted = jax.lax.cond(contrast.since > 0, alone, lambda _: (new, policy), contrast.twin)
+        params = params._replace(policy=new.trained.policy, value=new.trained.value)
+        metrics = {
+            **step_metrics(env, policy, policy, trajectory_feasibility(after, policy), expert_log_delta),
+            **losses,
+            "moment_gap": jnp.linalg.norm(gap),
+            "multiplier": new.multiplier,
+            "constrained": bound,
+            "strays": falls(policy.mask).sum(axis=1).mean(),
+            "twin_return": (tempted.reward * tempted.mask).sum(axis=1).mean(),
+            "twin_violation_rate": (tempted.cost * tempted.mask).sum() / tempted.mask.sum(),
+        }
+        metrics[FINITE] = all_finite((params, losses, policy.obs)).astype(jnp.float32)
+        contrast = Contrast(weights, contrast.made, expected, near, contrast.since + began, twin, contrast.reach)
+        return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
+
+    return Steps(init, step)
+
+
+def learner_of(config: TrainConfig) -> LearnerConfig:
+    """The learner's settings: the run's own where it has them."""
+    return replace(
+        LearnerConfig(),
+        iterations=config.lr_decay_iterations,
+        num_trajectories=config.num_trajectories,
+        hidden=config.hidden,
+        ppo=config.ppo,
+        stray_cost=config.moments.stray_cost,
+        multiplier_init=config.moments.multiplier_init,
+        multiplier_rate=config.moments.multiplier_rate,
+    )
+
+
+def with_std(params: Params, taken: Float[Array, "N T A"], mask: Float[Array, "N T"]) -> Params:
+    """Give the first policy a σ of the demonstrated actions' size, whatever share of the box they use."""
+    weight = mask / mask.sum()
+    mean = jnp.einsum("nta,nt->a", taken, weight)
+    log_std = jnp.log(WIDER) + 0.5 * jnp.log(jnp.einsum("nta,nt->a", (taken - mean) ** 2, weight) + 1e-8)
+    return params._replace(policy={"params": {**params.policy["params"], "log_std": log_std}})
+
+
+def reached(expert: Trajectory) -> tuple[Float[Array, " O"], Float[Array, " O"]]:
+    """Least and greatest of each coordinate in the demonstrations."""
+    seen = expert.mask[..., None] > 0
+    return jnp.where(seen, expert.obs, jnp.inf).min((0, 1)), jnp.where(seen, expert.obs, -jnp.inf).max((0, 1))
+
+
+def practice_world(env: Env, reach: tuple[Array, Array], config: TrainConfig) -> Env:
+    """Start anew where a coordinate leaves the demonstrations' range by `margin` of its widths."""
+    low, high = reach
+    width = config.moments.margin * (high - low)
+    return restarting(bounded(env, low - width, high + width), 0.0)
+
+
+def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Float[Array, "A B"]:
+    """How a policy's actions would be spread over the bins of each action in demonstrated states."""
+    asked = take(expert, jax.random.permutation(key, expert.mask.shape[0])[:ASKED])
+    obs = asked.obs.reshape(-1, asked.obs.shape[-1])
+    now = jnp.zeros((), jnp.int32)  # no policy here sees the time
+    mean = jax.vmap(lambda seen: _box(nets.env).in_half_widths(jnp.asarray(nets.policy(seen, now).mean())))(obs)
+    return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), asked.mask.ravel())
+
+
+def limited(made: action_limits.Made, expected: Float[Array, "A B"], config: TrainConfig) -> dict:
+    """The feasibility's parameters: the limits that n against M draws."""
+    lower, upper = action_limits.limits(made, expected, config.coefficients)
+    return {"step": {"params": {"lower": lower, "upper": upper}}}
+
+
+def limits_of_motors(nets: BoundNetworks, bound: Float[Array, ""]) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
+    """The lower and the upper limit of each action in its own unit; beyond the box where `bound` is 0."""
+    drawn, space = nets.params.feasibility["step"]["params"], _box(nets.env)
+    ends = (jnp.where(bound > 0, drawn[side], free) for side, free in (("lower", -UNLIMITED), ("upper", UNLIMITED)))
+    lower, upper = (space.from_half_widths(end) for end in ends)
+    return lower, upper
+
+
+def beyond(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]:
+    """1 at each step with δ₁ < ½."""
+    scores = jax.vmap(nets.feasibility_scores)(trajectories)
+    delta = log_step_feasibility(nets.method, nets.config.coefficients, scores)
+    return (delta < jnp.log(FORBIDDEN_BELOW)).astype(jnp.float32) * trajectories.mask
+
+
+def _box(env: Env) -> Box:
+    space = env.action_space
+    if not isinstance(space, Box) or not space.is_bounded or env.finite_horizon:
+        raise ValueError(f"env={env.name} is no world of a bounded box of actions that goes on; choose aircl_corrected")
+    return space

@@ -1,0 +1,121 @@
+"""The limits of actions: n against M by hand."""
+
+from dataclasses import replace
+from statistics import NormalDist
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from aircl_jax.algorithm.action_limits import BINS, EDGES, Made, actions_made, limits, share_expected
+from aircl_jax.methods import get_method
+from aircl_jax.model.feasibility import log_step_feasibility
+from aircl_jax.model.features import UNLIMITED
+from aircl_jax.settings.train_config import Coefficients
+from aircl_jax.types import FeasibilityScores, Thresholds
+from envs import make_env
+from tests.worlds import TINY, tiny_networks, unit_stats
+
+COEFFICIENTS = Coefficients(threshold=0.05, pseudo_count=0.5, least_expected=500.0)
+
+
+def demonstrated(number=4000, limit=0.5, lapses=0.0):
+    """Actions of one motor, evenly spread within ±limit; a share of them over the whole box."""
+    random = np.random.default_rng(0)
+    within = random.uniform(-limit, limit, number)
+    return np.where(random.uniform(size=number) < lapses, random.uniform(-1, 1, number), within)[:, None]
+
+
+def drawn(action, share, **changed):
+    made = actions_made(jnp.asarray(action, jnp.float32), jnp.ones(len(action)))
+    lower, upper = limits(made, jnp.asarray(share, jnp.float32), replace(COEFFICIENTS, **changed))
+    return float(lower[0]), float(upper[0])
+
+
+EVENLY = np.full((1, BINS), 1.0 / BINS)  # a twin that does everything equally often
+
+
+def test_actions_are_counted_in_bins_with_the_outermost_of_each():
+    action = jnp.array([[-1.0], [0.005], [0.007], [1.0], [0.9]])
+    made = actions_made(action, jnp.array([1.0, 1.0, 1.0, 1.0, 0.0]))
+    assert float(made.steps) == 4
+    assert {place: int(n) for place, n in enumerate(made.number[0]) if n} == {0: 1, 90: 2, 179: 1}
+    assert (float(made.least[0, 90]), float(made.greatest[0, 90])) == (pytest.approx(0.005), pytest.approx(0.007))
+    assert float(made.greatest[0, 171]) == -UNLIMITED  # masked
+
+
+def test_expected_shares_are_those_of_the_clipped_gaussian():
+    mean, std = np.array([[0.3, -0.2], [0.9, 0.0]]), np.array([0.2, 0.5])
+    share = np.asarray(share_expected(jnp.asarray(mean), jnp.asarray(std), jnp.array([1.0, 0.0])))
+    edges = np.asarray(EDGES, float)
+    for motor in range(2):
+        below = [NormalDist(mean[0, motor], std[motor]).cdf(edge) for edge in edges[1:-1]]
+        np.testing.assert_allclose(share[motor], np.diff([0.0, *below, 1.0]), atol=1e-5)
+    np.testing.assert_allclose(share.sum(axis=1), 1.0, atol=1e-5)
+
+
+def test_the_limit_is_the_outermost_action_where_a_tempted_policy_would_go_beyond():
+    action = demonstrated()
+    lower, upper = drawn(action, EVENLY)
+    assert (lower, upper) == (pytest.approx(action.min()), pytest.approx(action.max()))
+
+
+def test_each_side_has_its_own_limit():
+    action = demonstrated() * 0.5 + 0.2  # between −.05 and .45
+    lower, upper = drawn(action, EVENLY)
+    assert (lower, upper) == (pytest.approx(action.min(), rel=1e-5), pytest.approx(action.max(), rel=1e-5))
+
+
+def test_nothing_is_said_where_a_tempted_policy_would_not_have_gone():
+    within = np.where(np.abs(EDGES[1:] + EDGES[:-1]) / 2 < 0.5, 1.0, 0.0)[None]
+    assert drawn(demonstrated(), within / within.sum()) == (-UNLIMITED, UNLIMITED)
+
+
+@pytest.mark.parametrize(("least", "found"), [(990.0, True), (1010.0, False)])
+def test_a_limit_needs_so_many_expected_actions_beyond_it(least, found):
+    limit = drawn(demonstrated(), EVENLY, least_expected=least)[1]  # a quarter of 4,000 beyond it
+    assert (limit < UNLIMITED) == found
+
+
+@pytest.mark.parametrize(("lapses", "found"), [(0.01, True), (0.2, False)])
+def test_rare_lapses_hide_no_limit_and_frequent_ones_do(lapses, found):
+    lower, upper = drawn(demonstrated(40_000, lapses=lapses), EVENLY)
+    assert (abs(upper - 0.5) < 0.01) == found == (abs(lower + 0.5) < 0.01)
+
+
+def test_what_is_done_freely_has_no_limit():
+    lower, upper = drawn(demonstrated(limit=1.0), EVENLY)
+    assert (lower, upper) == (-UNLIMITED, UNLIMITED)
+
+
+def test_motors_are_counted_apart():
+    action = np.concatenate([demonstrated(limit=0.3), demonstrated(limit=0.6)], axis=1)
+    made = actions_made(jnp.asarray(action, jnp.float32), jnp.ones(len(action)))
+    lower, upper = limits(made, jnp.asarray(np.repeat(EVENLY, 2, axis=0), jnp.float32), COEFFICIENTS)
+    np.testing.assert_allclose(upper, action.max(axis=0), rtol=1e-5)
+    np.testing.assert_allclose(lower, action.min(axis=0), rtol=1e-5)
+    assert isinstance(made, Made)
+
+
+@pytest.mark.parametrize(
+    ("action", "allowed"),
+    [
+        ((0.0, 0.0), True),
+        ((0.49, -0.39), True),
+        ((0.51, 0.0), False),
+        ((0.0, -0.41), False),
+        ((5.0, 0.0), False),
+        ((0.0, 5.0), True),
+    ],
+)
+def test_a_step_is_feasible_within_the_limits_of_every_motor(action, allowed):
+    env = make_env("swimmer", horizon=8)
+    method = get_method("aircl_contrast", of_box=True)
+    nets, params = tiny_networks(env, method, replace(TINY, coefficients=COEFFICIENTS))
+    ends = {"lower": jnp.array([-0.5, -0.4]), "upper": jnp.array([0.5, UNLIMITED])}
+    bound = nets.bind(params, unit_stats(env)).with_params(feasibility={"step": {"params": ends}})
+    logit = bound.step_logit(jnp.zeros(8), jnp.array(action))
+    scores = FeasibilityScores(logit[None], jnp.zeros(()), jnp.ones(1), Thresholds(jnp.zeros(()), jnp.zeros(())))
+    delta = float(jnp.exp(log_step_feasibility(method, COEFFICIENTS, scores)[0]))
+    assert (delta > 0.9) == allowed
+    assert (delta < 0.1) == (not allowed)

@@ -1,0 +1,185 @@
+"""The contrast row where actions are of a box: what one fused step reads, and when twin and constraint begin."""
+
+from dataclasses import replace
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from aircl_jax.algorithm import action_limits, twins
+from aircl_jax.algorithm.measures import FINITE
+from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.methods import get_method
+from aircl_jax.settings.train_config import Coefficients, MomentConfig, PPOConfig, TrainConfig
+from envs import Box, Env, Step, make_env
+from tests.finished_runs import random_episodes
+from tests.worlds import poisoned, tiny_grid
+
+METHOD = get_method("aircl_contrast", of_box=True)
+CONFIG = TrainConfig(
+    iterations=8,
+    num_trajectories=4,
+    num_demonstrations=6,
+    hidden=(4,),
+    feasibility_delay=3,
+    ppo=PPOConfig(learning_rate=1e-2, num_epochs=1, minibatch_size=24),
+    coefficients=Coefficients(threshold=0.05, pseudo_count=0.5, least_expected=5.0),
+)
+
+
+def pushed_point(horizon=6) -> Env:
+    """A point that actions push: x' = x + a, r = x', the cost is of |a| > .5."""
+
+    def step(key, state, action):
+        action = jnp.clip(action, -1.0, 1.0)
+        moved = state + action
+        cost = (jnp.abs(action) > 0.5).any().astype(jnp.float32)
+        return moved, Step(moved, moved.sum(), cost, jnp.zeros(()))
+
+    return Env(
+        name="point",
+        horizon=horizon,
+        obs_size=1,
+        action_space=Box(1),
+        reset=lambda key: (jnp.zeros(1), jnp.zeros(1)),
+        step=step,
+        constraint_input="action",
+    )
+
+
+def shown(env: Env, number=6):
+    """Demonstrations that go forward by up to .5 a step."""
+    action = jnp.asarray(np.random.default_rng(0).uniform(0.0, 0.5, (number, env.horizon, 1)), jnp.float32)
+    obs = jnp.concatenate([jnp.zeros((number, 1, 1)), jnp.cumsum(action, axis=1)[:, :-1]], axis=1)
+    zeros = jnp.zeros((number, env.horizon))
+    episodes = random_episodes(make_env("swimmer", horizon=env.horizon), 0, number)
+    return episodes._replace(obs=obs, action=action, reward=obs[..., 0], cost=zeros, mask=zeros + 1.0)
+
+
+@cache
+def ran(steps=5, near=0.0, poison=0.0):
+    """States and metrics of the first steps: the initial state first."""
+    env = pushed_point()
+    expert = shown(env)
+    expert = expert._replace(reward=expert.reward + poison, cost=expert.cost + poison)
+    poison = jnp.asarray(poison)
+    config = replace(CONFIG, moments=MomentConfig(near=near))
+    trainer = make_trainer(poisoned(env, poison, poison), METHOD, config)
+    step = jax.jit(trainer.step)
+    states, metrics = [trainer.init(jax.random.key(0), expert)], [{}]
+    for _ in range(steps):
+        state, measured = step(states[-1], expert)
+        states.append(state)
+        metrics.append(measured)
+    return states, metrics
+
+
+def leaves(tree):
+    return [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+
+
+def same(one, two):
+    return all(np.array_equal(a, b) for a, b in zip(leaves(one), leaves(two), strict=True))
+
+
+def test_no_true_reward_and_no_true_cost_is_read():
+    plain, poisoned_ = ran()[0][-1], ran(poison=7.0)[0][-1]
+    assert same(plain.params, poisoned_.params)
+    assert same(plain.ppo_opt.trained, poisoned_.ppo_opt.trained)
+    assert same(plain.adversary_opt.twin.trained, poisoned_.adversary_opt.twin.trained)
+
+
+def test_the_twin_is_the_policy_until_the_delay_and_goes_its_own_way_after_it():
+    states, _ = ran()
+    alike = [same(state.adversary_opt.twin.trained.policy, state.params.policy) for state in states]
+    assert alike == [True] * 5 + [False]  # the step at which 3 have passed says so, the next one acts by it
+    assert [float(state.adversary_opt.since) for state in states] == [0, 0, 0, 0, 1, 2]
+
+
+def test_twin_and_constraint_begin_once_the_means_have_nearly_met_for_a_while():
+    config = replace(CONFIG, feasibility_delay=100, moments=MomentConfig(near=1e6))
+    env = pushed_point()
+    trainer, expert = make_trainer(env, METHOD, config), shown(env)
+    step, state, since = jax.jit(trainer.step), trainer.init(jax.random.key(0), expert), []
+    for _ in range(twins.LASTING + 1):
+        state, _ = step(state, expert)
+        since.append(float(state.adversary_opt.since))
+    assert since == [0.0] * (twins.LASTING - 1) + [1.0, 2.0]
+
+
+def test_the_parameters_of_a_state_are_those_that_its_practice_trains():
+    for state in ran()[0]:
+        assert same((state.params.policy, state.params.value), (state.ppo_opt.trained.policy, state.ppo_opt.trained.value))
+
+
+def test_m_is_what_the_twin_would_do_in_demonstrated_states_averaged_over_the_iterations():
+    states, _ = ran()
+    env = pushed_point()
+    nets = make_trainer(env, METHOD, CONFIG).networks
+    expert = shown(env)
+    told = []
+    for state in states[:-1]:
+        key_asked = jax.random.split(state.key, 6)[2]
+        policy = state.adversary_opt.twin.trained.policy
+        acting = nets.bind(state.params, state.obs_stats).with_params(policy=policy)
+        which = jax.random.permutation(key_asked, 6)[: twins.ASKED]
+        seen = expert.obs[which].reshape(-1, 1)
+        mean = np.stack([np.asarray(acting.policy(obs, jnp.zeros((), jnp.int32)).mean()) for obs in seen])
+        std = jnp.exp(policy["params"]["log_std"])
+        told.append(np.asarray(action_limits.share_expected(jnp.asarray(mean), std, jnp.ones(len(seen)))))
+    np.testing.assert_allclose(states[-1].adversary_opt.expected, np.mean(told, axis=0), rtol=1e-3, atol=1e-5)
+
+
+def test_the_first_policy_is_as_wide_as_the_demonstrated_actions():
+    state = ran()[0][0]
+    wide = twins.WIDER * np.asarray(shown(pushed_point()).action).std()
+    np.testing.assert_allclose(np.exp(state.params.policy["params"]["log_std"]), wide, rtol=1e-4)
+
+
+def test_a_policy_that_leaves_the_demonstrations_behind_starts_anew():
+    env, expert = pushed_point(), shown(pushed_point())
+    low, high = twins.reached(expert)
+    world = twins.practice_world(env, (low, high), CONFIG)
+    state, _ = world.reset(jax.random.key(0))
+    greatest = 2.0 * float(high[0])  # its range begins at 0
+    seen = []
+    for _ in range(int(greatest) + 3):
+        state, step = world.step(jax.random.key(1), state, jnp.ones(1))
+        seen.append((float(step.obs[0]), float(step.counts)))
+    last = next(index for index, (x, _) in enumerate(seen) if x > greatest)
+    assert seen[last + 1] == (0.0, 0.0)  # reset, which is no step of the task
+    assert all(counts == 1.0 for _, counts in seen[: last + 1])
+
+
+def test_limits_follow_from_what_was_made_and_expected():
+    state = ran()[0][-1]
+    contrast = state.adversary_opt
+    lower, upper = action_limits.limits(contrast.made, contrast.expected, CONFIG.coefficients)
+    drawn = state.params.feasibility["step"]["params"]
+    np.testing.assert_array_equal(drawn["lower"], lower)
+    np.testing.assert_array_equal(drawn["upper"], upper)
+
+
+def test_what_lies_beyond_a_limit_is_charged_and_what_is_masked_is_not():
+    env = pushed_point(horizon=2)
+    nets = make_trainer(env, METHOD, CONFIG).networks
+    expert = shown(env)
+    params = nets.init(jax.random.key(0))._replace(
+        feasibility={"step": {"params": {"lower": jnp.array([-0.2]), "upper": jnp.array([0.5])}}}
+    )
+    stats = ran()[0][0].obs_stats
+    action = jnp.array([[[0.4], [0.6]], [[-0.3], [0.9]]])
+    taken = jax.tree.map(lambda leaf: leaf[:2], expert)._replace(action=action, mask=jnp.array([[1.0, 1.0], [1.0, 0.0]]))
+    np.testing.assert_array_equal(twins.beyond(nets.bind(params, stats), taken), [[0.0, 1.0], [1.0, 0.0]])
+
+
+def test_every_number_of_a_step_is_finite():
+    for measured in ran()[1][1:]:
+        assert float(measured[FINITE]) == 1.0
+
+
+def test_a_world_of_discrete_actions_is_refused_in_a_line():
+    with pytest.raises(ValueError, match="env=gridworld is no world of a bounded box of actions that goes on"):
+        make_trainer(tiny_grid(), METHOD, CONFIG)

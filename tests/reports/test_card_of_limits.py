@@ -1,0 +1,84 @@
+"""The card of a row with a twin, on a robot whose θ, limits, n and M are known."""
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from aircl_jax.algorithm.action_limits import BINS, Made
+from aircl_jax.algorithm.moments import Weights
+from aircl_jax.algorithm.twins import Contrast
+from aircl_jax.analysis.recovered_limits import recovered_limits
+from aircl_jax.model.features import UNLIMITED
+from aircl_jax.reports.card import as_json, as_markdown, card_of, closing, is_card
+from tests.finished_runs import untrained_robot
+
+RUN = untrained_robot("aircl_contrast")
+
+
+def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02))) -> Any:
+    """Two seeds: f is 0.5 a standard deviation of the fourth coordinate; the front motor stops at .48 and at .5."""
+    weights = np.zeros((2, 16))
+    for index, value in theta:
+        weights[:, index] = value
+    ends = {"lower": jnp.full((2, 2), -UNLIMITED), "upper": jnp.asarray(upper, jnp.float32)}
+    number = np.zeros((2, 2, BINS))
+    number[:, :, BINS // 2] = 100.0
+    number[:, 0, 150] = 1.0  # at .67
+    expected = np.full((2, 2, BINS), 1.0 / BINS)
+    made = Made(*(jnp.asarray(leaf, jnp.float32) for leaf in (number, number, number)), jnp.full(2, 1000.0))
+    nothing: Any = None
+    contrast = Contrast(Weights(nothing, nothing), made, jnp.asarray(expected), nothing, nothing, nothing, nothing)
+    params = RUN.states.params._replace(
+        reward={"params": {"weights": jnp.asarray(weights)}}, feasibility={"step": {"params": ends}}
+    )
+    return replace(RUN, states=RUN.states._replace(params=params, adversary_opt=contrast))
+
+
+def test_what_is_wanted_is_named_with_its_weight_and_trifles_are_left_out():
+    (wanted, squared) = card_of(known())["wants"]
+    assert (wanted["what"], wanted["weight"], wanted["spread"]) == ("velocity of x", pytest.approx(0.5), 0.0)
+    assert squared["what"] == "(heading)², less what is usual"
+    assert len(card_of(known(theta=((3, 0.5), (8, 0.004))))["wants"]) == 1
+
+
+def test_a_limit_is_listed_with_its_spread_what_was_expected_beyond_it_and_what_was_done():
+    (never,) = card_of(known())["never"]
+    assert never["what"] == "motor front above"
+    assert (never["limit"], never["spread"]) == (pytest.approx(0.49), pytest.approx(0.01))
+    outside = int((np.linspace(-1, 1, BINS + 1)[:-1] >= 0.49).sum())
+    assert never["tempted"] == pytest.approx(1000.0 * outside / BINS, rel=1e-4)
+    assert never["done"] == 1.0
+    assert never["how"] == "n against M, in 2 of 2 seeds"
+
+
+def test_a_limit_of_half_of_the_seeds_is_not_listed():
+    card = card_of(known(upper=((0.48, UNLIMITED), (UNLIMITED, UNLIMITED))))
+    assert card["never"] == []
+    assert "motor front above" in card["cannot_tell"][0]
+
+
+def test_what_was_never_tested_is_said_with_how_often_it_would_have_been_done():
+    (untested, *_) = card_of(known())["cannot_tell"]
+    assert untested.startswith("Not tested: motor front below")
+    assert "motor rear above" in untested
+    assert "motor front above" not in untested
+
+
+def test_limits_are_read_where_the_row_has_them():
+    limits = recovered_limits(known())
+    assert limits is not None
+    assert limits.names == ("motor front", "motor rear")
+    np.testing.assert_allclose(limits.upper, [[0.48, np.nan], [0.5, np.nan]], rtol=1e-6)
+    assert np.isnan(limits.lower).all()
+
+
+def test_the_card_is_one_that_can_be_written_and_read():
+    card = card_of(known())
+    assert is_card(json.loads(as_json(card)))
+    assert "velocity of x" in as_markdown(card, "a run")
+    assert closing(card).startswith("What it wants: velocity of x (+0.5), (heading)²")
+    assert "motor front above 0.49 ± 0.01" in closing(card)
