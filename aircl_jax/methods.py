@@ -19,7 +19,9 @@ class Method:
     centred: bool = False  # the logits of D are taken less their mean over both sets, and π is paid f less its mean over D_E
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
-    learner: Literal["ppo", "cloning", "twins"] = "ppo"  # twins: one policy by PPO-Lagrangian, one by f alone (docs/robots.md)
+    learner: Literal["ppo", "cloning", "twins"] = (
+        "ppo"  # twins: one policy by PPO-Lagrangian, one by f alone (docs/equations.md)
+    )
     state_reward: bool = False  # f(s, a) = g(s) + E[h(s')] − h(s), h linear in where one is; else f(s, a) is any function
     tests_entries: bool = False  # δ₁ is of the state that a step enters and is paid on the way in; else of the step itself
     settings: Literal["paper", "tuned", "contrast"] = "paper"  # which defaults of `config` it runs with

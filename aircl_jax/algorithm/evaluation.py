@@ -41,7 +41,7 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
         **step_metrics(env, drawn.sampled, policy, drawn.log_delta, expert_log_delta),
         **_accuracies(nets, expert_scores, drawn.draws_of(policy_scores)),
         **_feasibility_metrics(nets, reference),
-        **_reward_metrics(nets, policy, policy_scores),
+        **_reward_metrics(nets, policy, policy_scores, reference),
         "violation_rate_expert": violation_rate(expert),
         "expert_return": undiscounted_return(expert),
         "feasible_return": feasible_return(policy) if env.has_reward else jnp.full((), jnp.nan),
@@ -106,14 +106,22 @@ def _feasibility_metrics(nets: BoundNetworks, reference: Trajectory) -> Metrics:
     }
 
 
-def _reward_metrics(nets: BoundNetworks, policy: Trajectory, scores: Scores) -> Metrics:
+def _reward_metrics(nets: BoundNetworks, policy: Trajectory, scores: Scores, reference: Trajectory) -> Metrics:
     """Correlate f with the true reward on feasible steps, and measure in tabular worlds how much constraint f holds."""
     undefined = jnp.full((), jnp.nan)
     if not nets.method.learns_reward:
-        return {"reward_correlation": undefined, "violation_reward_only": undefined}
-    feasible = policy.mask * (1.0 - policy.cost)
-    agreement = correlation(scores.f, policy.reward, feasible) if nets.env.has_reward else undefined
-    return {"reward_correlation": agreement, "violation_reward_only": _violation_reward_only(nets)}
+        names = ("reward_correlation", "reward_correlation_reference", "violation_reward_only")
+        return dict.fromkeys(names, undefined)
+
+    def agreement(f: Float[Array, "N T"], trajectories: Trajectory) -> Float[Array, ""]:
+        feasible = trajectories.mask * (1.0 - trajectories.cost)
+        return correlation(f, trajectories.reward, feasible) if nets.env.has_reward else undefined
+
+    return {
+        "reward_correlation": agreement(scores.f, policy),
+        "reward_correlation_reference": agreement(jax.vmap(nets.f)(reference), reference),
+        "violation_reward_only": _violation_reward_only(nets),
+    }
 
 
 def _violation_reward_only(nets: BoundNetworks) -> Float[Array, ""]:

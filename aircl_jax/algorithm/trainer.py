@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
-from aircl_jax.algorithm import adversary, cloning, entries, twins
+from aircl_jax.algorithm import adversary, cloning, entries
+from aircl_jax.algorithm.boxes import twins
 from aircl_jax.algorithm.learners import exact, ppo
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward

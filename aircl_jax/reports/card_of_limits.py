@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from aircl_jax.algorithm.action_limits import EDGES
+from aircl_jax.algorithm.boxes.action_limits import EDGES
 from aircl_jax.analysis.recovered_limits import Limits, recovered_limits
 from aircl_jax.runs.result import Result
 from envs import Box

@@ -31,6 +31,7 @@ MEANINGS = {
     "feasible_return": "true return of the policy up to its first violation",
     "violation_reward_only": "violation rate of the soft-optimal policy of f alone",
     "reward_correlation": "correlation of f with the true reward",
+    "reward_correlation_reference": "the same, on the reference set",
     "occupancy_tv": "total variation between the expert's and the policy's state occupancy",
     "effective_sample_size": "of the resampling, as a share of the pool",
     "feasibility_expert": "mean δ̄ of the demonstrations",

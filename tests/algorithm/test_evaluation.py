@@ -169,10 +169,14 @@ def by_hand(row: str) -> dict[str, float]:
     sampled = [one for one in worst for _ in range(2)] if row in {"aircl_corrected", "aircl_sa"} else policy
     clean, dirty = ([one for one in reference if (one.cost.sum() > 0) == bad] for bad in (False, True))
     judged = row != "bc"  # whether there is a feasibility at all
-    feasible = steps("cost", policy) == 0
     learns = row in {"aircl_corrected", "aircl_sa"}
     seen = [steps("obs", many).mean(axis=0) for many in (expert, policy)]
     weight = np.array([one.delta for one in policy])
+
+    def agreement(many: list[Episode]) -> float:
+        allowed = steps("cost", many) == 0
+        return float(np.corrcoef(steps("f", many)[allowed], steps("reward", many)[allowed])[0, 1]) if learns else np.nan
+
     return {
         "violation_rate": mean(steps("cost", sampled)),
         "violation_rate_policy": mean(steps("cost", policy)),
@@ -197,9 +201,8 @@ def by_hand(row: str) -> dict[str, float]:
         )
         if judged
         else np.nan,
-        "reward_correlation": np.corrcoef(steps("f", policy)[feasible], steps("reward", policy)[feasible])[0, 1]
-        if learns
-        else np.nan,
+        "reward_correlation": agreement(policy),
+        "reward_correlation_reference": agreement(reference),
         "violation_reward_only": violation_of_the_reward_alone(row),
         "occupancy_tv": 0.5 * np.abs(seen[0] - seen[1]).sum(),
         "log_std_at_bound": np.nan,  # actions are discrete

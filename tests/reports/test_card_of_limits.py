@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.action_limits import BINS, Made
-from aircl_jax.algorithm.moments import Weights
-from aircl_jax.algorithm.twins import Contrast
+from aircl_jax.algorithm.boxes.action_limits import BINS, Made
+from aircl_jax.algorithm.boxes.moments import Weights
+from aircl_jax.algorithm.boxes.twins import Contrast
 from aircl_jax.analysis.recovered_limits import recovered_limits
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.reports.card import as_json, as_markdown, card_of, closing, is_card
@@ -29,9 +29,11 @@ def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02
     number[:, :, BINS // 2] = 100.0
     number[:, 0, 150] = 1.0  # at .67
     expected = np.full((2, 2, BINS), 1.0 / BINS)
-    made = Made(*(jnp.asarray(leaf, jnp.float32) for leaf in (number, number, number)), jnp.full(2, 1000.0))
+    counts = jnp.asarray(number, jnp.float32)
+    made = Made(counts, counts, counts, jnp.full(2, 1000.0))
     nothing: Any = None
-    contrast = Contrast(Weights(nothing, nothing), made, jnp.asarray(expected), nothing, nothing, nothing, nothing)
+    unused = Weights(nothing, nothing)
+    contrast = Contrast(unused, made, jnp.asarray(expected), nothing, nothing, nothing, nothing)
     params = RUN.states.params._replace(
         reward={"params": {"weights": jnp.asarray(weights)}}, feasibility={"step": {"params": ends}}
     )

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.action_limits import BINS, EDGES, Made, actions_made, limits, share_expected
+from aircl_jax.algorithm.boxes.action_limits import BINS, EDGES, Made, actions_made, limits, share_expected
 from aircl_jax.methods import get_method
 from aircl_jax.model.feasibility import log_step_feasibility
 from aircl_jax.model.features import UNLIMITED

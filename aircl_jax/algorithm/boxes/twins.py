@@ -1,7 +1,7 @@
 """The contrast row where actions are of a box: a reward by moments, limits by what a tempted twin of the policy would do.
 
 One fused step of one seed, as in `trainer`. π is paid f and kept within the limits by PPO-Lagrangian. The twin goes on with f
-alone, from the π of the iteration in which the feature means have nearly met (docs/robots.md).
+alone, from the π of the iteration in which the feature means have nearly met (docs/equations.md).
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from aircl_jax.algorithm import action_limits, moments
+from aircl_jax.algorithm.boxes import action_limits, moments
 from aircl_jax.algorithm.learners import practice as practising
 from aircl_jax.algorithm.learners.practice import Learning, Practice
 from aircl_jax.algorithm.learners.scale_free import falls

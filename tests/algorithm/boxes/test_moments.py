@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.moments import Weights, mean_features, next_weights
+from aircl_jax.algorithm.boxes.moments import Weights, mean_features, next_weights
 from aircl_jax.methods import get_method
 from aircl_jax.model.features import features
 from aircl_jax.settings.train_config import MomentConfig

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm import action_limits, twins
+from aircl_jax.algorithm.boxes import action_limits, twins
 from aircl_jax.algorithm.measures import FINITE
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.methods import get_method
