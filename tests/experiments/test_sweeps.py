@@ -14,7 +14,7 @@ OF_SPEC = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "defau
 
 def test_every_value_of_a_sweep_is_the_run_with_that_coefficient():
     spec = make_spec(**WHOLE, **OF_SPEC, iterations=CHUNK)
-    default = spec.config.coefficients.threshold
+    default = float(spec.config.coefficients.threshold)
     found = sweep(spec, "threshold", [0.9, default])
     assert found["violation_rate_policy"].shape == (2, 2)
     alone = train(**WHOLE, iterations=CHUNK).summary["metrics"]
