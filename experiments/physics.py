@@ -1,6 +1,9 @@
-"""`python -m experiments.physics`: setting → speed → deviation from C MuJoCo, the table of docs/physics.md.
+"""Measure speed and deviation from C MuJoCo of every body, the table of docs/physics.md: `python -m experiments.physics`.
 
-`bodies=walker` makes its rows alone; `mjx=true` adds the engine mjx, which compiles for minutes. Bad input: exit code 2.
+Settings, as NAME=VALUE (bad input prints one line on standard error and exits with 2):
+
+bodies  all, or some of swimmer, walker and pendulum, with commas between
+mjx     true adds the engine mjx, which compiles for minutes
 """
 
 import importlib
@@ -25,8 +28,8 @@ FINE = 10  # substeps of the reference per substep of the model
 
 @dataclass(frozen=True)
 class Settings:
-    bodies: str = "all"  # or some of them, with commas between
-    mjx: bool = False  # also the engine mjx
+    bodies: str = "all"
+    mjx: bool = False
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def print_table(settings: Settings, _: Sequence[str]) -> None:
-    """Print the table, a row as soon as it is measured."""
+    """Print the table, each row as soon as it is measured."""
     bodies = listed("body", settings.bodies, BODIES)
     import jax
 
@@ -47,14 +50,14 @@ def print_table(settings: Settings, _: Sequence[str]) -> None:
 
 
 def measured(name: str, engine: str, integrator: str) -> tuple[str, ...]:
-    """Measure a row of the table: its speed, and its deviation from C MuJoCo."""
+    """Measure one row of the table."""
     best, median, compiling = speed(name, engine, integrator)
     off = f"{deviation(name, engine, integrator):.1e}"
     return name, engine, integrator, f"{best:,.0f} ({median:,.0f})", f"{compiling:.0f}", off
 
 
 def speed(name: str, engine: str, integrator: str) -> tuple[float, float, float]:
-    """Environment steps per second under random actions (best and median of repeats), and seconds to compile."""
+    """Measure environment steps per second under random actions, best and median of the repeats, and seconds to compile."""
     import jax
 
     from envs import make_env
@@ -90,7 +93,7 @@ def _seconds(run: Any) -> float:
 
 
 def deviation(name: str, engine: str, integrator: str, episodes: int = 20) -> float:
-    """Median over episodes of the largest |Δqpos| (m, rad) from RK4 at a tenth of the timestep, smooth torques."""
+    """Compute the largest |Δqpos| (m, rad) from RK4 at a tenth of the timestep under smooth torques; the median of episodes."""
     import jax
     import jax.numpy as jnp
     import numpy as np

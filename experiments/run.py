@@ -19,7 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run(composed: Composed) -> int:
-    """One run with composed settings, from the first line that it prints to the last; DEFECT where a part of it failed."""
+    """Train with composed settings and print from the first line to the last; return DEFECT where a part of the run failed."""
     values = dict(composed.values)
     env_settings, train_settings = values.pop("env"), values.pop("train")
     settings = updated(RunSettings(), values)

@@ -6,7 +6,7 @@ import pytest
 
 from aircl_jax import load, train
 from experiments.run import main
-from tests.runs.test_resume import CHUNK, SETTINGS, WORDS
+from tests.tiny_runs import CHUNK, FAST, WORDS
 
 PARTS = {
     "aircl_jax.figures.curves.losses": "a figure",
@@ -42,17 +42,24 @@ def test_what_fails_after_the_training_costs_nothing_else(part, tmp_path, monkey
     assert not (run / "trace.txt").exists()
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    monkeypatch.setattr("aircl_jax.figures.of_a_run._parts", lambda result: [])
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_killed_between_summary_and_report_is_finished_by_the_next_command(tmp_path):
-    train(**SETTINGS, iterations=CHUNK, run_dir=tmp_path)
+    train(**FAST, iterations=CHUNK, run_dir=tmp_path)
     before = (tmp_path / "summary.json").read_bytes()
     (tmp_path / "report.md").unlink()
     (tmp_path / "card.json").unlink()
     assert load(tmp_path).summary == json.loads(before)
-    train(**SETTINGS, iterations=CHUNK, run_dir=tmp_path, resume=True)
+    train(**FAST, iterations=CHUNK, run_dir=tmp_path, resume=True)
     assert (tmp_path / "summary.json").read_bytes() == before
     assert (tmp_path / "report.md").exists() and (tmp_path / "card.json").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "card",
     [
@@ -61,7 +68,7 @@ def test_a_run_killed_between_summary_and_report_is_finished_by_the_next_command
     ],
 )
 def test_a_damaged_card_is_made_again_for_the_closing_lines(card, tmp_path, capsys):
-    words = [*WORDS, f"run_dir={tmp_path}", "iterations=3"]
+    words = [*WORDS, f"run_dir={tmp_path}", f"iterations={CHUNK}"]
     assert main(words) == 0
     closing = capsys.readouterr().out.partition("What it wants")[2]
     (tmp_path / "card.json").write_text(card)

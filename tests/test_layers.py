@@ -31,7 +31,12 @@ LONGEST, FULLEST = 270, 14  # lines of a file, Python files of a folder beside `
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 EVERY_FILE = [*FILES, *sorted((ROOT / "tests").rglob("*.py"))]
 # What one file alone may import: of third parties, and of the library.
-ALONE = {"tigramite": "aircl_jax/analysis/causal.py", "distrax": "aircl_jax/model"}
+ALONE = {
+    "tigramite": "aircl_jax/analysis/causal.py",
+    "distrax": "aircl_jax/model",
+    "hydra": "experiments/cli/",
+    "omegaconf": "experiments/cli/",
+}
 
 
 def name_of(path: Path) -> str:
@@ -74,55 +79,54 @@ def shelf_of(module: str) -> str | None:
     return rest[0] if rest else "api"  # `aircl_jax` itself hands on what `api` and lower floors have
 
 
-@pytest.mark.parametrize("path", FILES, ids=name_of)
-def test_a_file_imports_from_lower_floors_only(path):
-    own = shelf_of(module_of(path))
-    assert own is not None
-    for module in imported(path):
-        shelf = shelf_of(module)
-        if shelf is not None and shelf != own:
-            assert FLOOR[shelf] < FLOOR[own], module
+IMPORTED = {name_of(path): set(imported(path)) for path in FILES}
+PACKAGES_OF = {file: {module.partition(".")[0] for module in modules} for file, modules in IMPORTED.items()}
+
+
+def test_a_file_imports_from_lower_floors_only():
+    for path in FILES:
+        own = shelf_of(module_of(path))
+        assert own is not None
+        for module in IMPORTED[name_of(path)]:
+            shelf = shelf_of(module)
+            assert shelf in (None, own) or FLOOR[shelf] < FLOOR[own], f"{name_of(path)}: {module}"
 
 
 def test_no_imports_go_round_in_a_circle():
-    graph = {module: {other for other in imported(path) if other in MODULES} for module, path in MODULES.items()}
+    graph = {module: {other for other in IMPORTED[name_of(path)] if other in MODULES} for module, path in MODULES.items()}
     try:
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as circle:
         pytest.fail(" → ".join(circle.args[1]))
 
 
-@pytest.mark.parametrize("path", FILES, ids=name_of)
-def test_a_package_that_one_place_keeps_is_imported_nowhere_else(path):
-    for package, place in ALONE.items():
-        if not name_of(path).startswith(place):
-            assert package not in {module.split(".")[0] for module in imported(path)}
+@pytest.mark.parametrize(("package", "place"), ALONE.items())
+def test_a_package_that_one_place_keeps_is_imported_nowhere_else(package, place):
+    found = {file for file, packages in PACKAGES_OF.items() if package in packages}
+    assert found
+    assert {file for file in found if not file.startswith(place)} == set()
 
 
-@pytest.mark.parametrize("path", FILES, ids=name_of)
-def test_hydra_is_known_to_the_command_line_alone(path):
-    if not name_of(path).startswith("experiments/cli/"):
-        assert {"hydra", "omegaconf"}.isdisjoint(module.split(".")[0] for module in imported(path))
+def test_nothing_in_the_library_imports_the_file_under_the_gpl():
+    of_library = {file: modules for file, modules in IMPORTED.items() if file.startswith("aircl_jax/")}
+    assert {file for file, modules in of_library.items() if "aircl_jax.analysis.causal" in modules} == set()
 
 
-@pytest.mark.parametrize("path", [path for path in FILES if name_of(path).startswith("aircl_jax/")], ids=name_of)
-def test_nothing_in_the_library_imports_the_file_under_the_gpl(path):
-    assert "aircl_jax.analysis.causal" not in set(imported(path))
+def test_figures_compute_nothing_of_the_algorithm():
+    shelves = {
+        file: {shelf_of(module) for module in IMPORTED[file]} for file in IMPORTED if file.startswith("aircl_jax/figures/")
+    }
+    assert {file for file, found in shelves.items() if found & {"algorithm", "model"}} == set()
 
 
-@pytest.mark.parametrize("path", [path for path in FILES if name_of(path).startswith("aircl_jax/figures/")], ids=name_of)
-def test_figures_compute_nothing_of_the_algorithm(path):
-    assert {"algorithm", "model"}.isdisjoint(shelf_of(module) for module in imported(path))
+def test_analysis_draws_nothing():
+    drawing = {file for file, packages in PACKAGES_OF.items() if "matplotlib" in packages}
+    assert {file for file in drawing if file.startswith("aircl_jax/analysis/")} == set()
 
 
-@pytest.mark.parametrize("path", [path for path in FILES if name_of(path).startswith("aircl_jax/analysis/")], ids=name_of)
-def test_analysis_draws_nothing(path):
-    assert "matplotlib" not in {module.split(".")[0] for module in imported(path)}
-
-
-@pytest.mark.parametrize("path", EVERY_FILE, ids=name_of)
-def test_no_file_is_long(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST
+def test_no_file_is_long():
+    lines = {name_of(path): len(path.read_text(encoding="utf-8").splitlines()) for path in EVERY_FILE}
+    assert {file: number for file, number in lines.items() if number > LONGEST} == {}
 
 
 def test_no_folder_is_full():

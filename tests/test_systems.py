@@ -4,11 +4,12 @@ import ast
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.runs.test_resume import WORDS
+from tests.tiny_runs import WORDS
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path for package in ("aircl_jax", "envs", "experiments") for path in (ROOT / package).rglob("*.py"))
@@ -20,9 +21,14 @@ def name_of(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("path", FILES, ids=name_of)
-def test_every_text_file_is_read_and_written_in_a_named_encoding(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def nodes() -> Iterator[tuple[str, ast.AST]]:
+    """Every node of every file, with the file's name."""
+    for path in FILES:
+        yield from ((name_of(path), node) for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+def test_every_text_file_is_read_and_written_in_a_named_encoding():
+    for file, node in nodes():
         if not isinstance(node, ast.Call):
             continue
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
@@ -30,7 +36,7 @@ def test_every_text_file_is_read_and_written_in_a_named_encoding(path):
             continue
         modes = [arg.value for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str)]
         binary = name in ("open", "fdopen") and any("b" in mode and len(mode) <= 3 for mode in modes)
-        assert binary or "encoding" in {keyword.arg for keyword in node.keywords}, f"line {node.lineno}"
+        assert binary or "encoding" in {keyword.arg for keyword in node.keywords}, f"{file}, line {node.lineno}"
 
 
 def _of_os(node: ast.Call) -> bool:
@@ -43,12 +49,11 @@ def _of_os(node: ast.Call) -> bool:
     return False
 
 
-@pytest.mark.parametrize("path", FILES, ids=name_of)
-def test_no_file_imports_what_one_system_alone_has(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def test_no_file_imports_what_one_system_alone_has():
+    for file, node in nodes():
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
-        assert not (POSIX_ALONE | WINDOWS_ALONE).intersection(names)
+        assert not (POSIX_ALONE | WINDOWS_ALONE).intersection(names), file
 
 
 # A process as on Windows: without the modules and signals of POSIX, where no folder can be opened.
@@ -85,7 +90,8 @@ sys.exit(main(sys.argv[1:]))
 
 
 def test_a_run_goes_on_where_the_modules_and_signals_of_posix_are_absent(tmp_path):
-    command = [sys.executable, "-c", ELSEWHERE, "fcntl,termios,grp,resource,syslog", *WORDS, f"run_dir={tmp_path / 'run'}"]
+    command = [sys.executable, "-c", ELSEWHERE, "fcntl,termios,grp,resource,syslog", *WORDS, "iterations=2"]
+    command.append(f"run_dir={tmp_path / 'run'}")
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "run" / "report.md").exists()
@@ -94,7 +100,7 @@ def test_a_run_goes_on_where_the_modules_and_signals_of_posix_are_absent(tmp_pat
 @pytest.mark.parametrize("name", ["run", "grün δ"])
 def test_a_run_where_the_locale_knows_only_ascii(name, tmp_path):
     locale = {"LC_ALL": "C", "LANG": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    command = [sys.executable, "-m", "experiments.run", *WORDS, f"run_dir={tmp_path / name}"]
+    command = [sys.executable, "-m", "experiments.run", *WORDS, "iterations=2", f"run_dir={tmp_path / name}"]
     done = subprocess.run(command, cwd=ROOT, env=os.environ | locale, capture_output=True, check=False)
     if name.isascii():
         assert (done.returncode, done.stderr) == (0, b"")

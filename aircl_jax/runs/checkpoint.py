@@ -121,13 +121,10 @@ def _read_back(folder: Path, names: Iterable[str]) -> dict[str, np.ndarray]:
     """Read what was just written, in a tenth of the time that Orbax takes."""
     import tensorstore
 
-    files = {"driver": "file", "path": f"{(folder / _ARRAYS).as_posix()}/"}
-    stores = {
-        name: tensorstore.open(
-            {"driver": "zarr", "kvstore": {"driver": "ocdbt", "base": files, "path": f"{name}/"}}, open=True, read=True
-        )
-        for name in names
-    }
+    database = {"driver": "ocdbt", "base": {"driver": "file", "path": f"{(folder / _ARRAYS).as_posix()}/"}}
+    arrays = {name: {"driver": "zarr", "kvstore": {**database, "path": f"{name}/"}} for name in names}
+    once = tensorstore.Context()  # the database is opened once for all arrays
+    stores = {name: tensorstore.open(array, context=once, open=True, read=True) for name, array in arrays.items()}
     reads = {name: store.result().read() for name, store in stores.items()}
     return {name: np.asarray(read.result()) for name, read in reads.items()}
 

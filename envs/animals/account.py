@@ -32,7 +32,8 @@ def account(folder: Path, reading: Reading, coded: Coded, windows: Windows, mapp
 def _read(folder: Path, reading: Reading, mapping: ColumnMapping) -> Iterator[str]:
     tracks, found = reading.tracks, reading.found
     animals, recordings = (len(np.unique(column)) for column in (tracks.individual, tracks.recording))
-    yield f"read: {_counted(len(found.tables), 'table')} ({_named(found.tables, folder)})"
+    if found.tables:
+        yield f"read: {_counted(len(found.tables), 'table')} ({_named(found.tables, folder)})"
     if reading.bouts:
         yield f"bouts: {reading.bouts:,}, of which a row is made every {mapping.step:g}"
     if reading.bouts_without_sample:

@@ -1,7 +1,6 @@
 """Turn tracks into windows of codes: gap-free segments, "moving to PLACE" codes, windows, and a report of all rows."""
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -31,9 +30,6 @@ class Report:
     rows_after_last_window: int  # the rest of longer segments
     rows_used: int
     windows: int
-
-    def lines(self) -> Iterator[str]:
-        yield from (f"{name.replace('_', ' ')}: {value:,}" for name, value in asdict(self).items())
 
 
 class Windows(NamedTuple):

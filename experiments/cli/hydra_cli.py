@@ -40,7 +40,7 @@ def launch(task: Callable[[Composed], int | None], config_name: str, argv: Seque
 
 
 def _launched(task: Callable[[Composed], int | None], config_name: str, argv: Sequence[str]) -> int:
-    hydra_settings.register()
+    hydra_settings.register(argv)
     codes = [DONE]
 
     def job(config: DictConfig) -> None:
@@ -97,7 +97,7 @@ def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
         key = getattr(error.__cause__, "full_key", None) or unknown.group(1)  # full_key names the unknown member of a group
         if of_before := old_name(key):
             return of_before
-        env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), "gridworld")
+        env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), hydra_settings.DEFAULT_ENV)
         return f"unknown setting {key}; choose from {', '.join(hydra_settings.choices(key.rpartition('.')[0], env))}"
     if isinstance(error, OverrideParseException):
         return unreadable(str(error.override))

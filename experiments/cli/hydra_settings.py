@@ -1,7 +1,9 @@
 """Generate the settings that Hydra composes from the library's dataclasses."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass
+from functools import cache
 from typing import Any, Literal
 
 from hydra.core.config_store import ConfigStore
@@ -49,6 +51,7 @@ class RunSettings:
     overwrite: bool = False
 
 
+DEFAULT_ENV = "gridworld"
 QUIET = [{"override hydra/job_logging": "none"}, {"override hydra/hydra_logging": "none"}]  # end of a list of defaults
 
 
@@ -67,20 +70,37 @@ def store(name: str, node: Mapping[str, Any]) -> None:
     ConfigStore.instance().store(name=name, node=dict(node))
 
 
-def register() -> None:
-    """Put the settings of a run, of every environment and its training into Hydra's store."""
+def register(argv: Sequence[str]) -> None:
+    """Put the settings of a run, and of the training of the environments that these words name, into Hydra's store.
+
+    Hydra copies the whole store several times a command, for `--help` some sixty times.
+    """
+    _register_run()
+    chosen = [word for word in argv if word.startswith(("env=", "hydra"))]
+    plain_words = all(re.fullmatch(r"env=[\w,]+|hydra/launcher=\w+|hydra\.sweep\.dir=.*", word) for word in chosen)
+    for name in ENVS:
+        if name == DEFAULT_ENV or not plain_words or any(name in word for word in chosen):
+            _register_training(name)
+
+
+@cache
+def _register_run() -> None:
     every = ConfigStore.instance()
     store("run", {"defaults": _DEFAULTS, **asdict(RunSettings()), "hydra": hydra_node("experiments.run", HELP)})
     for name, row in ENVS.items():
         every.store(group="env", name=name, node=plain(asdict(row.options())))
-        for choice in ("default", *METHODS):
-            method = default_method(name) if choice == "default" else choice
-            train = plain(asdict(default_config(name, METHODS[method].settings)))
-            node = {"method": method, "iterations": train.pop("iterations"), "train": train}
-            every.store(group="train", name=f"{name}_{choice}", node=node, package="_global_")
     every.store(group="method", name="default", node={}, package="_global_")  # it comes with the training's settings
     for method in METHODS:
         every.store(group="method", name=method, node={"method": method}, package="_global_")
+
+
+@cache
+def _register_training(env: str) -> None:
+    for choice in ("default", *METHODS):
+        method = default_method(env) if choice == "default" else choice
+        train = plain(asdict(default_config(env, METHODS[method].settings)))
+        node = {"method": method, "iterations": train.pop("iterations"), "train": train}
+        ConfigStore.instance().store(group="train", name=f"{env}_{choice}", node=node, package="_global_")
 
 
 def choices(group: str, env: str) -> list[str]:
@@ -102,7 +122,7 @@ def _nested(prefix: str, config: Any) -> Mapping[str, list[str]]:
 GROUPS = {"env": list(ENVS), "method": ["default", *METHODS], "scale": ["full", "smoke"], "train": []}
 _DEFAULTS = [
     "_self_",
-    {"env": "gridworld"},
+    {"env": DEFAULT_ENV},
     {"method": "default"},
     {"train": "${env}_${method}"},
     {"scale": "full"},

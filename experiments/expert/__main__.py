@@ -16,16 +16,16 @@ from envs.settings import at_least, plain, updated
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import QUIET, hydra_node, store
 
-HELP = f"""Trains experts by PPO-Lagrangian and writes demonstrations and a reference set.
+HELP = f"""Train experts by PPO-Lagrangian and write demonstrations and a reference set.
 
   python -m experiments.expert env=swimmer
   python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
 
-env          swimmer, walker, pendulum; env.NAME=VALUE changes a setting of it; tuned are {", ".join(EXPERTS)}
-seeds        how many constrained ones, from first_seed on; free_seeds: how many without the constraint follow them
-iterations   of training; the learning rate falls to 0 at the last
-run_dir      where everything is kept; resume=true continues what is there, overwrite=true starts again
-episodes     demonstrations to write, all without a violation
+env          swimmer, walker or pendulum; env.NAME=VALUE changes a setting of it. Tuned are {", ".join(EXPERTS)}
+seeds        number of experts under the constraint, from first_seed on; free_seeds: number of those without it, which follow
+iterations   number of iterations; the learning rate falls to 0 at the last one
+run_dir      folder of the run; resume=true continues a run that is there, overwrite=true starts again
+episodes     number of demonstrations to write; none of them violates
 out          folder of the two files, ENV_CONSTRAINT.npz and ENV_CONSTRAINT_reference.npz; run_dir by default
 train        settings of PPO-Lagrangian, as in train.ppo.learning_rate=0.001; default: those of the task's row
 
@@ -36,7 +36,7 @@ DEFAULT = "default"
 
 @dataclass(frozen=True)
 class ExpertSettings:
-    """The settings beside those of the environment (env.…) and of training (train.…)."""
+    """The settings that belong neither to the environment (env.…) nor to training (train.…)."""
 
     seeds: int = 4
     first_seed: int = 0
@@ -67,7 +67,7 @@ def register() -> None:
 
 
 def train(composed: Composed) -> None:
-    """Check the settings, then train, measure, choose and write."""
+    """Check the settings; then train, measure and choose experts and write their episodes."""
     name, values = composed.env, dict(composed.values)
     robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
     if name not in robots:
@@ -106,13 +106,13 @@ def train(composed: Composed) -> None:
 
 
 def _all_default(config: Any) -> dict[str, Any]:
-    """The names of a configuration's fields, with "default" for every value."""
+    """Give every field of a configuration the value "default"."""
     values = ((field.name, getattr(config, field.name)) for field in fields(config) if field.name != "iterations")
     return {name: _all_default(value) if is_dataclass(value) else DEFAULT for name, value in values}
 
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:
-    """What was set, without what was left at "default"."""
+    """Drop the fields that were left at "default"."""
     nested = {name: _given(value) if isinstance(value, dict) else value for name, value in values.items()}
     return {name: value for name, value in nested.items() if value not in (DEFAULT, {})}
 

@@ -1,4 +1,4 @@
-"""One expert's run: train in chunks that resume, measure fresh episodes, choose a seed, write demonstrations and reference."""
+"""Run one expert: train in chunks that resume, measure fresh episodes, choose a seed, write demonstrations and reference."""
 
 import json
 import time
@@ -44,7 +44,7 @@ class Task:
 
     name: str  # ENV_CONSTRAINT
     env: Env  # where experts are measured and demonstrate
-    practice: Env  # where they train: the same, perhaps with an early end
+    practice: Env  # where they train: the same world, in some tasks with an early end
     env_settings: Mapping[str, Any]
     config: LagrangianConfig
     seeds: int
@@ -56,7 +56,7 @@ class Task:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """As config.yaml holds them, and as a resumed run must repeat them."""
+        """Return the settings as config.yaml holds them; a resumed run must repeat them."""
         config = plain(asdict(self.config))
         return {
             "env": self.env_settings,
@@ -99,7 +99,10 @@ def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDi
 
 
 def harvest(task: Task, draw: Sampler, states: LagrangianState) -> dict[str, Any]:
-    """Measure every seed, choose, draw, write; return what summary.json holds. ValueError where no seed is clean enough."""
+    """Measure every seed, choose one, draw and write its episodes; return the contents of summary.json.
+
+    Raises ValueError where no seed is clean enough.
+    """
     keys = iter(jax.random.split(jax.random.key(EPISODE_SEED), 8))
     key_measure, key_draw, key_reference, key_clip, key_random = (next(keys) for _ in range(5))
     total = task.seeds + task.free_seeds
@@ -131,7 +134,7 @@ def harvest(task: Task, draw: Sampler, states: LagrangianState) -> dict[str, Any
 
 
 def _clipped(task: Task, draw: Sampler, free: LagrangianState, key: jax.Array) -> dict[str, EpisodeMeasures]:
-    """Where actions are constrained: the unconstrained expert with its actions clipped to the limit."""
+    """Measure the unconstrained expert with its actions clipped to the limit; empty where no action is constrained."""
     limit = task.env.limit
     if limit is None or limit.bounds != "actions":
         return {}

@@ -1,6 +1,7 @@
 """Compute what Figure 2 shows from a folder of tables: histograms, tests of the inflexion and tables of pairs."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -8,10 +9,12 @@ from jaxtyping import Float
 
 from aircl_jax.analysis import transition_distances
 from envs.animals import simulated_meerkats
+from envs.animals.account import account
 from envs.animals.columns import ColumnMapping, load_mapping
 from envs.animals.data_folder import data_folder
-from envs.animals.tracks import read_folder
-from envs.animals.windows import Coded, Report, Transitions, code_rows, cut_windows, transitions
+from envs.animals.tables import Found
+from envs.animals.tracks import Reading, read_folder
+from envs.animals.windows import Coded, Transitions, code_rows, cut_windows, transitions
 
 TAIL_BINS = (2, 9)  # the exponential is fitted between these bins and compared beyond the second
 LONG_PERCENTILE = 95.0  # a pair of codes is long if its mean distance is beyond this percentile of all transitions
@@ -40,7 +43,7 @@ class Study(NamedTuple):
     mapping: ColumnMapping
     coded: Coded
     moves: Transitions
-    report: Report
+    account: tuple[str, ...]  # what was read and left out
     simulated: bool
 
 
@@ -54,10 +57,14 @@ def read(settings: Settings) -> Study:
     for column in ("place", "coordinates"):
         if column not in mapping.columns:
             raise ValueError(f"mapping={settings.mapping} has no {column}; the figures need place and coordinates")
-    tracks = simulated_meerkats.simulated_tracks() if folder is None else read_folder(folder, mapping).tracks
-    tracks = tracks._replace(position=tracks.position / mapping.coordinate_scale)
+    if folder is None:
+        reading = Reading(simulated_meerkats.simulated_tracks(), Found((), (), ()))
+    else:
+        reading = read_folder(folder, mapping)
+    tracks = reading.tracks._replace(position=reading.tracks.position / mapping.coordinate_scale)
     coded = code_rows(tracks, mapping, settings.coding)
-    return Study(mapping, coded, transitions(coded), cut_windows(coded, tracks).report, simulated=folder is None)
+    read_and_cut = account(folder or Path(), reading, coded, cut_windows(coded, tracks), mapping)
+    return Study(mapping, coded, transitions(coded), read_and_cut.lines, simulated=folder is None)
 
 
 class Numbers(NamedTuple):

@@ -18,7 +18,7 @@ def report(study: Study, numbers: Numbers, command: str) -> str:
         "## The inflexion\n\n" + verdict(study, numbers),
         "## Its tests\n\n" + rise_table(numbers),
         "## Long transitions\n\n" + long_pairs(study, numbers),
-        "## What was read\n\n" + markdown.bullets(study.report.lines()),
+        "## What was read\n\n" + markdown.bullets(study.account),
         "## Codes\n\n" + code_table(study),
         "## Figures\n\n" + FIGURES,
     ]

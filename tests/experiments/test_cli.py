@@ -9,14 +9,10 @@ import pytest
 import yaml
 
 from experiments.run import main
+from tests.tiny_runs import SMALL
 from tests.worlds import command_module
 
-TINY = [
-    *("scale=smoke", "method=airl", "iterations=2"),
-    *("env.size=3", "env.goal=[2,2]", "env.obstacles=[[1,1]]", "env.horizon=4"),
-    *("train.num_trajectories=4", "train.num_demonstrations=4", "train.num_evaluation=10", "train.pool_factor=1"),
-    "train.hidden=[4]",
-]
+TINY = ["scale=smoke", "method=airl", "iterations=2", *SMALL]
 OWN = {
     "config.yaml",
     "metrics.jsonl",

@@ -7,44 +7,30 @@ from aircl_jax import train
 from aircl_jax.runs.spec import make_spec
 from aircl_jax.runs.sweep import sweep
 from experiments import sweeps
+from tests.tiny_runs import CHUNK, FAST, WHOLE
 
-CONFIG = {
-    "num_trajectories": 6,
-    "num_demonstrations": 5,
-    "num_evaluation": 10,
-    "hidden": [4],
-    "checkpoint_every": 2,
-    "ppo": {"num_epochs": 1},
-    "adversary": {"num_steps": 2},
-}
-GRID = {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4}
-
-
-def spec(**changed):
-    given = {"iterations": 3, "seeds": 2, "env_settings": GRID, "config": CONFIG}
-    rest = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "default"}
-    return make_spec("gridworld", "aircl_corrected_sa", **given | rest | changed)
+OF_SPEC = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "default"}
 
 
 def test_every_value_of_a_sweep_is_the_run_with_that_coefficient():
-    found = sweep(spec(), "threshold", [0.2, 0.9])
+    spec = make_spec(**WHOLE, **OF_SPEC, iterations=CHUNK)
+    default = float(spec.config.coefficients.threshold)
+    found = sweep(spec, "threshold", [0.9, default])
     assert found["violation_rate_policy"].shape == (2, 2)
-    for place, value in enumerate((0.2, 0.9)):
-        config = CONFIG | {"coefficients": {"threshold": value}}
-        alone = train("gridworld", "aircl_corrected_sa", seeds=2, iterations=3, env_settings=GRID, config=config)
-        for name in ("feasibility_gap", "feasibility_policy", "return", "entropy"):
-            expected = np.array(alone.summary["metrics"][name]["per_seed"], float)
-            np.testing.assert_allclose(found[name][place], expected, rtol=1e-3, atol=1e-4)
+    alone = train(**WHOLE, iterations=CHUNK).summary["metrics"]
+    for name in ("feasibility_gap", "feasibility_policy", "return", "entropy"):
+        np.testing.assert_allclose(found[name][1], np.array(alone[name]["per_seed"], float), rtol=1e-3, atol=1e-4)
     assert np.abs(found["feasibility_policy"][0] - found["feasibility_policy"][1]).max() > 1e-4
 
 
 def test_unknown_coefficients_and_no_values_are_refused():
+    spec = make_spec(**FAST, **OF_SPEC, iterations=CHUNK)
     with pytest.raises(ValueError, match="coefficient=phi is unknown; choose from contrast_coef"):
-        sweep(spec(), "phi", [0.1])
+        sweep(spec, "phi", [0.1])
     with pytest.raises(ValueError, match="values is empty"):
-        sweep(spec(), "threshold", [])
+        sweep(spec, "threshold", [])
     with pytest.raises(ValueError, match=r"threshold=0\.0 is not above 0"):
-        sweep(spec(), "threshold", [0.3, 0.0])
+        sweep(spec, "threshold", [0.3, 0.0])
 
 
 def test_a_finished_sweep_is_written_and_not_trained_again(tmp_path, capsys):

@@ -56,7 +56,7 @@ def costly_once(terminates_at: int | None = None) -> Env:
 @cache
 def trained(terminates_at: int | None, step: int = 0) -> tuple[LagrangianState, LagrangianState, Metrics]:
     training = make_lagrangian(costly_once(terminates_at), CONFIG)
-    first = training.init(jax.random.key(0))._replace(step=jnp.asarray(step, jnp.int32))
+    first = jax.jit(training.init)(jax.random.key(0))._replace(step=jnp.asarray(step, jnp.int32))
     last, metrics = jax.jit(training.step, compiler_options=UNOPTIMISED)(first, jnp.ones(()))
     return first, last, metrics
 
@@ -112,7 +112,7 @@ def met_by_hand() -> tuple[BoundNetworks, LagrangianState, Trajectory]:
         value=jnp.asarray(random.normal(size=(2, 6))),
         mask=jnp.ones((2, 6)).at[0, 2].set(0.0),
     )
-    state = training.init(jax.random.key(1))
+    state = jax.jit(training.init)(jax.random.key(1))
     return lagrangian.bound(training.nets, state), state, met  # nothing was seen yet: the statistics are 0 and 1
 
 

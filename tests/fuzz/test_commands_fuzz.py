@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from experiments import run
-from experiments.cli import hydra_settings
 from experiments.cli.command import run_command
 from experiments.figure2.analysis import Settings as Figure2
 from experiments.figure4.cells import Settings as Figure4
@@ -103,8 +102,7 @@ def test_a_random_command_line_of_a_run_is_understood_as_it_was_meant_or_refused
         raise KeyboardInterrupt
 
     understood = 0
-    hydra_settings.register()  # once: it takes most of a command's time
-    with mock.patch("aircl_jax.api._train", stopped), mock.patch.object(hydra_settings, "register"):
+    with mock.patch("aircl_jax.api._train", stopped):
         for case in range(RUNS):
             words_of_case = WORDS if case % 2 else tuple(word for word in WORDS if word[1] is not BAD)
             picked = chosen(np.random.default_rng(case), words_of_case)

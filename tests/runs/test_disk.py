@@ -11,7 +11,9 @@ import pytest
 
 from aircl_jax import storage
 from experiments.run import main
-from tests.runs.test_resume import CHUNK, WORDS
+from tests.tiny_runs import CHUNK, WORDS
+
+pytestmark = pytest.mark.usefixtures("no_figures")
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,7 +12,7 @@ import pytest
 
 from aircl_jax.runs.directory import checkpoint_path
 from aircl_jax.runs.readers import read_summary
-from tests.runs.test_resume import CHUNK, ITERATIONS, WORDS
+from tests.tiny_runs import CHUNK, ITERATIONS, WORDS
 
 ROOT = Path(__file__).parents[2]
 

@@ -20,25 +20,10 @@ from aircl_jax.runs import checkpoint, loop
 from aircl_jax.runs.opening import open_saved
 from envs import Env
 from tests.finished_runs import untrained
+from tests.tiny_runs import CONFIG, FAST
 from tests.worlds import TINY, UNOPTIMISED, random_trajectories, tiny_grid
 
-QUICK = {
-    "num_trajectories": 4,
-    "num_demonstrations": 4,
-    "num_evaluation": 4,
-    "pool_factor": 1,
-    "hidden": [4],
-    "checkpoint_every": 2,
-    "ppo": {"num_epochs": 1, "minibatch_size": 16},
-    "adversary": {"num_steps": 1},
-}
-RUN = {
-    "env": "gridworld",
-    "method": "airl",
-    "env_settings": {"size": 3, "goal": [2, 2], "obstacles": [[1, 1]], "horizon": 4},
-    "config": QUICK,
-}
-
+pytestmark = pytest.mark.usefixtures("no_figures")
 
 NAMES = ("policy", "value", "reward", "feasibility")
 
@@ -107,8 +92,8 @@ def test_the_mean_is_that_of_the_other_seeds_and_says_of_how_many():
 
 
 def test_a_seed_whose_parameters_break_is_named_with_its_iteration_and_costs_no_other_seed(tmp_path):
-    whole = train(**RUN, seeds=2, first_seed=6, iterations=4, run_dir=tmp_path / "whole")
-    train(**RUN, seeds=2, first_seed=6, iterations=2, run_dir=tmp_path / "run")
+    whole = train(**FAST, first_seed=6, iterations=4, run_dir=tmp_path / "whole")
+    train(**FAST, first_seed=6, iterations=2, run_dir=tmp_path / "run")
     directory = open_saved(tmp_path / "run")
     states = directory.load(whole.states)
     reward = jax.tree.map(lambda leaf: leaf.at[1].set(jnp.nan), states.params.reward)
@@ -117,7 +102,7 @@ def test_a_seed_whose_parameters_break_is_named_with_its_iteration_and_costs_no_
     path.rename(tmp_path / "before")
     checkpoint.save(path, states._replace(params=states.params._replace(reward=reward)), notes)
 
-    result = train(**RUN, seeds=2, first_seed=6, iterations=4, run_dir=tmp_path / "run", resume=True)
+    result = train(**FAST, first_seed=6, iterations=4, run_dir=tmp_path / "run", resume=True)
 
     assert result.alarms[0].startswith("not finite: seed 7, from iteration 3 on (parameters, losses or observations)")
     kept = json.loads((tmp_path / "run" / "summary.json").read_text())
@@ -128,7 +113,7 @@ def test_a_seed_whose_parameters_break_is_named_with_its_iteration_and_costs_no_
     assert np.isnan([values[2:, 1] for values in history.values()]).all()
     assert np.array_equal(history["violation_rate"][:, 0], whole.history["violation_rate"][:, 0])
     assert result.alarms[0][1:] in (tmp_path / "run" / "report.md").read_text()
-    longer = train(**RUN, seeds=2, first_seed=6, iterations=6, run_dir=tmp_path / "run", resume=True)
+    longer = train(**FAST, first_seed=6, iterations=6, run_dir=tmp_path / "run", resume=True)
     assert longer.alarms[0].startswith("not finite: seed 7, from iteration 3 on")
 
 
@@ -143,7 +128,7 @@ def blinking(env: Env) -> Env:
 
 
 def test_a_world_that_breaks_in_every_seed_has_no_mean_and_still_a_summary(tmp_path):
-    result = train(blinking(tiny_grid()), "airl", seeds=2, iterations=2, run_dir=tmp_path, config=QUICK)
+    result = train(blinking(tiny_grid()), "airl", seeds=2, iterations=2, run_dir=tmp_path, config=CONFIG)
     (alarm,) = [line for line in result.alarms if line.startswith("not finite")]
     assert alarm.startswith("not finite: seed 0, from iteration 1 on; seed 1, from iteration 1 on")
     assert alarm.endswith("undefined, and no mean is left.")

@@ -6,9 +6,10 @@ import pytest
 
 from aircl_jax import read_metrics, train
 from aircl_jax.runs.directory import METRICS, STATE, TIMING
+from tests.tiny_runs import FAST
 
-QUICK = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "checkpoint_every": 2}
-SETTINGS = {"env": "gridworld", "method": "bc", "seeds": 2, "iterations": 5, "config": QUICK}
+pytestmark = pytest.mark.usefixtures("no_figures")
+SETTINGS = {**FAST, "iterations": 5}
 
 
 class Noting:

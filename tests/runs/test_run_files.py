@@ -15,7 +15,10 @@ from aircl_jax.runs.metrics_log import read_metrics
 from aircl_jax.runs.opening import open_run, open_saved
 from aircl_jax.runs.readers import read_config, read_timing
 from aircl_jax.runs.spec import read_spec
-from tests.runs.test_resume import CHUNK, SETTINGS
+from tests.tiny_runs import CHUNK
+from tests.tiny_runs import FAST as SETTINGS
+
+pytestmark = pytest.mark.usefixtures("no_figures")
 
 T = TypeVar("T")
 

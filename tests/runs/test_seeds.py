@@ -1,4 +1,4 @@
-"""Seed s is the integer s: the same run alone or among ten, on one device or on two.
+"""Seed s is the integer s: the same run alone or among others, on one device or on two.
 
 The initial state is the same to the bit. A step is the same to rounding: on a CPU a device's seeds go one after another, and
 the compiler still treats loops of different lengths differently. Where a gradient is no more than rounding, Adam makes a part
@@ -29,8 +29,23 @@ same_to_rounding = partial(chex.assert_trees_all_close, rtol=1e-5, atol=5e-6)  #
 
 
 @pytest.fixture(scope="module", params=["airl_centred", pytest.param("aircl_corrected", marks=pytest.mark.slow)])
-def trainer(request):
-    return make_trainer(tiny_grid(), METHODS[request.param], replace(TINY, hidden=(4,)))
+def row(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def trainer(row):
+    return make_trainer(tiny_grid(), METHODS[row], replace(TINY, hidden=(4,)))
+
+
+@pytest.fixture(scope="module")
+def many(row):
+    return {"airl_centred": 4}.get(row, 10)
+
+
+@pytest.fixture(scope="module")
+def among_many(trainer, many):
+    return run(trainer, range(many))
 
 
 def run(trainer, chosen, chunks=(STEPS,)):
@@ -54,26 +69,26 @@ def test_key_of_a_seed_is_that_of_the_integer():
     np.testing.assert_array_equal(keys[1], jax.random.key_data(jax.random.key(3)))
 
 
-def test_seed_three_is_the_same_alone_and_among_ten(trainer):
-    first, last, metrics = run(trainer, range(10))
+def test_seed_three_is_the_same_alone_and_among_many(trainer, many, among_many):
+    first, last, metrics = among_many
     first_alone, last_alone, metrics_alone = run(trainer, [3])
     chex.assert_trees_all_equal(seed_of(first, 3), seed_of(first_alone, 0))
     same_to_rounding(seed_of(last, 3), seed_of(last_alone, 0))
-    assert metrics["return"].shape == (STEPS, 10)
+    assert metrics["return"].shape == (STEPS, many)
     same_to_rounding(metrics["return"][:, 3], metrics_alone["return"][:, 0])
 
 
-def test_different_seeds_run_differently(trainer):
-    first, _, _ = run(trainer, range(10))
+def test_different_seeds_run_differently(many, among_many):
+    first, _, _ = among_many
     kernels = jax.tree.leaves(first)[1]
-    assert len(np.unique(kernels.reshape(10, -1), axis=0)) == 10
+    assert len(np.unique(kernels.reshape(many, -1), axis=0)) == many
 
 
-def test_one_device_is_two_devices(trainer, monkeypatch):
+def test_one_device_is_two_devices(trainer, many, among_many, monkeypatch):
     assert jax.device_count() == 2
-    first, last, _ = run(trainer, range(4))
+    first, last, _ = among_many
     monkeypatch.setattr(seeds, "_shards", lambda number: 1)
-    first_one, last_one, _ = run(trainer, range(4))
+    first_one, last_one, _ = run(trainer, range(many))
     chex.assert_trees_all_equal(first, first_one)
     same_to_rounding(last, last_one)
 

@@ -12,7 +12,7 @@ import pytest
 
 from aircl_jax.runs.stopping import Terminated, signals_noted, termination_raised
 from experiments.run import main
-from tests.runs.test_resume import CHUNK, WORDS
+from tests.tiny_runs import CHUNK, WORDS
 
 CODES = [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)]
 

@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +16,11 @@ from aircl_jax.settings.renamed import RENAMED, old_name, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from envs.settings import flatten, plain
 from experiments import run
+from tests.tiny_runs import FAST, GRID
 
-QUICK = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "checkpoint_every": 1}
-SETTINGS = {"env": "gridworld", "method": "bc", "seeds": 1, "iterations": 2, "config": QUICK}
+pytestmark = pytest.mark.usefixtures("no_figures")
+SETTINGS: dict[str, Any] = {**FAST, "iterations": 2}
+WINDY: dict[str, Any] = {**SETTINGS, "env_settings": {**GRID, "wind": 0.2}}
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +84,7 @@ def test_a_run_older_than_a_setting_is_read_and_continued_as_its_default(today, 
     assert load(path).spec.settings == load(today).spec.settings
     assert train(**SETTINGS, run_dir=path, resume=True).summary == load(today).summary
     with pytest.raises(ValueError, match=r"env.wind is 0.0 there and 0.2 here"):
-        train(**SETTINGS, env_settings={"wind": 0.2}, run_dir=path, resume=True)
+        train(**WINDY, run_dir=path, resume=True)
 
 
 def test_a_run_of_before_is_not_continued(older):

@@ -45,7 +45,7 @@ def told_the_truth(state, table):
 def planned(env, method, config=PLANNED, truth=False):
     """The networks after one step of training."""
     trainer, expert = make_trainer(env, method, config), random_trajectories(env, 0, 3)
-    state = trainer.init(jax.random.key(0), expert)
+    state = jax.jit(trainer.init)(jax.random.key(0), expert)
     state = told_the_truth(state, table_of(env)) if truth else state
     state, metrics = jax.jit(trainer.step)(state, expert)
     return trainer.networks.bind(state.params, state.obs_stats), metrics

@@ -100,7 +100,7 @@ def test_moments_of_two_batches_are_those_of_all_unmasked_observations():
 def test_a_world_that_ends_begins_again_after_one_masked_step():
     world = limited_world(terminates_at=2)
     training = make_lagrangian(world, CONFIG)
-    state = training.init(jax.random.key(0))
+    state = jax.jit(training.init)(jax.random.key(0))
     again = restarting(world, fall_cost=5.0)
     carried, _ = again.reset(jax.random.key(1))
     counts, costs, counted = [], [], []
@@ -119,7 +119,7 @@ def test_a_world_that_ends_begins_again_after_one_masked_step():
 def test_altered_multiplies_mean_and_noise():
     world = limited_world()
     training = make_lagrangian(world, CONFIG)
-    state = training.init(jax.random.key(0))
+    state = jax.jit(training.init)(jax.random.key(0))
     changed = altered(state.policy, mean=1.5, noise=2.0)
 
     def act(policy):
@@ -177,7 +177,7 @@ def test_judge_counts_unmasked_steps_only():
 def test_an_unconstrained_seed_keeps_the_constraint_until_it_is_released():
     world = limited_world()
     training = make_lagrangian(world, replace(CONFIG, release=0.5, num_trajectories=2, ppo=replace(CONFIG.ppo, num_epochs=1)))
-    state = training.init(jax.random.key(0))
+    state = jax.jit(training.init)(jax.random.key(0))
     step = jax.jit(training.step, compiler_options=UNOPTIMISED)
     for iteration, expected in ((74, 1.0), (75, 0.0)):
         _, metrics = step(state._replace(step=jnp.asarray(iteration)), jnp.zeros(()))

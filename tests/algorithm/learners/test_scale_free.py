@@ -63,7 +63,7 @@ def task(objective=TRUE, constrained=1.0):
 
 def started(config=CONFIG, steps=0, objective=TRUE, constrained=1.0):
     learner = make_learner(counting_world(), config)
-    state = learner.init(jax.random.key(3))
+    state = jax.jit(learner.init)(jax.random.key(3))
     step = jax.jit(learner.step)
     metrics = {}
     for _ in range(steps):
@@ -185,7 +185,7 @@ def test_unconstrained_seeds_have_a_lower_bound_of_their_own_on_the_noise():
 def test_learns_to_stay_below_the_limit_whatever_the_unit(factor):
     world = replace(limited_world(), finite_horizon=False)
     learner = make_learner(world, replace(CONFIG, cost_budget=0.3))
-    state = learner.init(jax.random.key(0))
+    state = jax.jit(learner.init)(jax.random.key(0))
     state, metrics = jax.jit(
         lambda state: jax.lax.scan(lambda state, _: learner.step(state, task(scaled(factor))), state, length=200)
     )(state)

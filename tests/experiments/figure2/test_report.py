@@ -17,7 +17,7 @@ from aircl_jax.figures.animals import transitions as plots_animals
 from aircl_jax.figures.style import LARGER
 from envs.animals.columns import ColumnMapping
 from envs.animals.tracks import Tracks
-from envs.animals.windows import Coded, Report, Transitions
+from envs.animals.windows import Coded, Transitions
 from experiments.figure2 import __main__ as figure2
 from experiments.figure2.analysis import Numbers, Settings, Study, analyse
 from experiments.figure2.report import code_table, long_pairs, report, rise_table, verdict
@@ -51,7 +51,7 @@ def study() -> Study:
     tracks = Tracks(empty, site, empty, empty, np.arange(8.0), empty, empty, position, number, number)
     place, code = np.array([0, 0, 0, 1, 1, 1, 1, 1]), np.array([0, 0, 0, 0, 0, 1, 1, 2])
     coded = Coded(tracks, number, code, place, NAMES, ("burrow", "field"))
-    return Study(MAPPING, coded, moves(), Report(2, 8, *[0] * 9), simulated=False)
+    return Study(MAPPING, coded, moves(), ("read: 2 tables (a.csv, b.csv)",), simulated=False)
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +160,10 @@ def test_the_long_pairs_and_the_codes_are_tabled_by_name(numbers):
     assert text.splitlines()[-1] == "| rest | run | 10 | 33 % | 1.5 |"
     assert "distance beyond 2.5. 95 %" in text
     assert code_table(study()).splitlines()[2:] == ["| 0 | rest | 5 |", "| 1 | dig | 2 |", "| 2 | run | 1 |"]
+
+
+def test_what_was_read_is_told_in_the_loaders_words(numbers):
+    assert "## What was read\n\n- read: 2 tables (a.csv, b.csv)\n" in report(study(), numbers, "c")
 
 
 def test_only_simulated_animals_are_called_simulated(numbers):
