@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aircl_jax.runs.metrics_log import read_metrics
     from aircl_jax.runs.result import Result
     from aircl_jax.runs.sweep import sweep
+    from aircl_jax.transfer.shield import shield
     from aircl_jax.transfer.swap import swap
     from envs import ENVS, make_env
 
@@ -38,6 +39,7 @@ _HOMES = {
     "mean_over_steps": "aircl_jax.algorithm.masks:mean_over_steps",
     "occupancy": "aircl_jax.demonstrations.soft_optimal:occupancy",
     "read_metrics": "aircl_jax.runs.metrics_log:read_metrics",
+    "shield": "aircl_jax.transfer.shield:shield",
     "soft_value_iteration": "aircl_jax.demonstrations.soft_optimal:soft_value_iteration",
     "sweep": "aircl_jax.runs.sweep:sweep",
     "swap": "aircl_jax.transfer.swap:swap",
@@ -59,6 +61,7 @@ __all__ = [
     "mean_over_steps",
     "occupancy",
     "read_metrics",
+    "shield",
     "soft_value_iteration",
     "swap",
     "sweep",
