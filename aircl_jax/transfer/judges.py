@@ -49,7 +49,7 @@ def judge_of(result: Result, index: int, by: Kind) -> Judge:
     if isinstance(space, Discrete):
         if by not in ("default", "draws"):
             raise ValueError(f"by={by!r}: actions of {result.spec.env.name} are numbered; choose draws")
-        return _of_next_states(nets) if not _reads_actions(nets) else Judge(_step_delta(nets), None, "δ₁ of each action")
+        return _of_next_states(nets) if not _reads_actions(nets) else Judge(step_delta(nets), None, "δ₁ of each action")
     if not _reads_actions(nets):
         raise ValueError(
             f"δ₁ of this run on {result.spec.env.name} is of states alone, and no action can be judged by it; "
@@ -63,7 +63,7 @@ def judge_of(result: Result, index: int, by: Kind) -> Judge:
     additive = isinstance(nets.networks.step_net, AdditiveNet)
     if by == "sum" and not additive:
         raise ValueError("by='sum': δ₁ of this run is no sum over coordinates; choose draws")
-    return _by_sum(nets, space) if additive and by != "draws" else Judge(_step_delta(nets), None, "δ₁, nearest of draws")
+    return _by_sum(nets, space) if additive and by != "draws" else Judge(step_delta(nets), None, "δ₁, nearest of draws")
 
 
 def action_limits(result: Result, index: int) -> ActionLimits | None:
@@ -138,7 +138,7 @@ def _by_sum(nets: BoundNetworks, space: Box) -> Judge:
         found = nearest_by_sum(space.in_half_widths(action), scaled, gains, least - nets.step_logit(obs, middle))
         return space.from_half_widths(found)
 
-    return Judge(_step_delta(nets), nearest, "δ₁, a sum over coordinates")
+    return Judge(step_delta(nets), nearest, "δ₁, a sum over coordinates")
 
 
 def _of_next_states(nets: BoundNetworks) -> Judge:
@@ -150,7 +150,7 @@ def _of_next_states(nets: BoundNetworks) -> Judge:
             "choose a world whose obs is its state"
         )
     still = jnp.zeros((), jnp.int32)
-    of_state = jax.vmap(lambda seen: _step_delta(nets)(seen, still))(jnp.asarray(env.tabular.obs))
+    of_state = jax.vmap(lambda seen: step_delta(nets)(seen, still))(jnp.asarray(env.tabular.obs))
     table, restore = jnp.asarray(env.tabular.transition) @ of_state, env.restore
     return Judge(lambda obs, action: table[restore(obs), action], None, "δ₁ of the state that an action leads to")
 
@@ -160,7 +160,9 @@ def least_logit(nets: BoundNetworks) -> Float[Array, ""]:
     return jnp.log(jnp.asarray(nets.config.coefficients.threshold)) if nets.method.is_ratio_test else jnp.zeros(())
 
 
-def _step_delta(nets: BoundNetworks) -> Callable[[Array, Array], Float[Array, ""]]:
+def step_delta(nets: BoundNetworks) -> Callable[[Array, Array], Float[Array, ""]]:
+    """Return δ₁ as a function of one step."""
+
     def delta(obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
         scores = FeasibilityScores(nets.step_logit(obs, action)[None], jnp.zeros(()), jnp.ones(1), nets.params.thresholds)
         return jnp.exp(log_step_feasibility(nets.method, nets.config.coefficients, scores)[0])

@@ -101,6 +101,7 @@ UNDERSTOOD = {
     "experiments.swap": parsed_by("experiments.swap"),
     "experiments.learner": parsed_by("experiments.learner"),
     "experiments.behaviour": parsed_by("experiments.behaviour"),
+    "experiments.export": parsed_by("experiments.export"),
     "experiments.shield": parsed_by("experiments.shield"),
 }
 
