@@ -7,6 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from aircl_jax import gym
     from aircl_jax.algorithm.masks import mean_over_steps
     from aircl_jax.algorithm.terms.table import TERMS
     from aircl_jax.algorithm.trainer import make_trainer
@@ -32,6 +33,7 @@ _HOMES = {
     "card_of": "aircl_jax.reports.card:card_of",
     "figures_of": "aircl_jax.figures.of_a_run:figures_of",
     "from_arrays": "aircl_jax.demonstrations.files:from_arrays",
+    "gym": "aircl_jax.gym",
     "load": "aircl_jax.api:load",
     "load_demonstrations": "aircl_jax.demonstrations.sources:load_shipped",
     "make_env": "envs:make_env",
@@ -54,6 +56,7 @@ __all__ = [
     "card_of",
     "figures_of",
     "from_arrays",
+    "gym",
     "load",
     "load_demonstrations",
     "make_env",
@@ -73,7 +76,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = _HOMES[name].partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    home = importlib.import_module(module)
+    return getattr(home, attribute) if attribute else home
 
 
 def __dir__() -> list[str]:

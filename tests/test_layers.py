@@ -14,7 +14,7 @@ FLOORS = (
     ("messages",),
     ("runtime", "storage", "defects"),
     ("envs",),
-    ("types", "methods", "settings"),
+    ("types", "methods", "settings", "gym"),
     ("model", "demonstrations"),
     ("algorithm", "animals"),
     ("runs",),
