@@ -17,7 +17,7 @@ FLOORS = (
     ("types", "methods", "settings", "gym"),
     ("model", "demonstrations"),
     ("algorithm", "animals"),
-    ("runs",),
+    ("runs", "recorders"),
     ("experts",),
     ("analysis",),
     ("transfer",),
