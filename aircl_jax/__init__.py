@@ -7,6 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from aircl_jax import gym
     from aircl_jax.algorithm.masks import mean_over_steps
     from aircl_jax.algorithm.terms.table import TERMS
     from aircl_jax.algorithm.trainer import make_trainer
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from aircl_jax.runs.metrics_log import read_metrics
     from aircl_jax.runs.result import Result
     from aircl_jax.runs.sweep import sweep
+    from aircl_jax.transfer.shield import shield
     from aircl_jax.transfer.swap import swap
     from envs import ENVS, make_env
 
@@ -31,6 +33,7 @@ _HOMES = {
     "card_of": "aircl_jax.reports.card:card_of",
     "figures_of": "aircl_jax.figures.of_a_run:figures_of",
     "from_arrays": "aircl_jax.demonstrations.files:from_arrays",
+    "gym": "aircl_jax.gym",
     "load": "aircl_jax.api:load",
     "load_demonstrations": "aircl_jax.demonstrations.sources:load_shipped",
     "make_env": "envs:make_env",
@@ -38,6 +41,7 @@ _HOMES = {
     "mean_over_steps": "aircl_jax.algorithm.masks:mean_over_steps",
     "occupancy": "aircl_jax.demonstrations.soft_optimal:occupancy",
     "read_metrics": "aircl_jax.runs.metrics_log:read_metrics",
+    "shield": "aircl_jax.transfer.shield:shield",
     "soft_value_iteration": "aircl_jax.demonstrations.soft_optimal:soft_value_iteration",
     "sweep": "aircl_jax.runs.sweep:sweep",
     "swap": "aircl_jax.transfer.swap:swap",
@@ -52,6 +56,7 @@ __all__ = [
     "card_of",
     "figures_of",
     "from_arrays",
+    "gym",
     "load",
     "load_demonstrations",
     "make_env",
@@ -59,6 +64,7 @@ __all__ = [
     "mean_over_steps",
     "occupancy",
     "read_metrics",
+    "shield",
     "soft_value_iteration",
     "swap",
     "sweep",
@@ -70,7 +76,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = _HOMES[name].partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    home = importlib.import_module(module)
+    return getattr(home, attribute) if attribute else home
 
 
 def __dir__() -> list[str]:

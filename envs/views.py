@@ -14,6 +14,7 @@ class Coordinates(NamedTuple):
 
     names: tuple[str, ...] = ()
     motors: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()  # of the coordinates; empty: not known
 
 
 class Grid(NamedTuple):

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from aircl_jax.messages import say
-from envs.settings import updated
+from aircl_jax.recorders.logger import Run as Logged
+from aircl_jax.recorders.table import make_loggers
+from envs.settings import flatten, updated
 from experiments.cli.command import DEFECT, DONE
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import RunSettings
@@ -23,6 +25,8 @@ def run(composed: Composed) -> int:
     values = dict(composed.values)
     env_settings, train_settings = values.pop("env"), values.pop("train")
     settings = updated(RunSettings(), values)
+    about = flatten({"env": {"name": composed.env, **env_settings}, "train": train_settings})
+    loggers = make_loggers(settings.log, Logged(f"{composed.env}/{settings.method}", Path(settings.run_dir), about))
 
     from aircl_jax import train
     from aircl_jax.reports.card import card_of, is_card
@@ -39,11 +43,12 @@ def run(composed: Composed) -> int:
             env_settings=env_settings,
             config=train_settings,
             command=shlex.join(["python", "-m", "experiments.run", *composed.words]),
-            recorders=[reporter],
-            **vars(settings),
+            recorders=[reporter, *loggers],
+            **{name: value for name, value in vars(settings).items() if name != "log"},
         )
     finally:
-        reporter.close()
+        for recorder in (reporter, *loggers):
+            recorder.close()
     card = read_json(Path(settings.run_dir) / CARD)
     if not (card and is_card(card)) and not result.defects:  # of a run from before cards, or damaged
         card = card_of(result)

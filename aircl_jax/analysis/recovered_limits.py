@@ -51,13 +51,11 @@ def recovered_limits(result: Result) -> Limits | None:
         return None
     if nets.method.has_twin:
         return _limits_of_actions(result, space)
-    unmasked = np.asarray(result.expert.mask[0]) > 0
-    obs, action = np.asarray(result.expert.obs[0])[unmasked], np.asarray(result.expert.action[0])[unmasked]
-    seen = np.concatenate([obs, np.clip(action, space.low, space.high)], axis=1)
+    seen, number = demonstrated_steps(result), result.spec.env.obs_size
     least, greatest = seen.min(axis=0), seen.max(axis=0)
     width = greatest - least
     low, high = least - width, greatest + width  # as far again as the demonstrations go
-    low[obs.shape[1] :], high[obs.shape[1] :] = space.low, space.high
+    low[number:], high[number:] = space.low, space.high
     grid = np.linspace(low, high, POINTS)  # [K, I]
     moved = seen[np.linspace(0, len(seen) - 1, min(STEPS, len(seen))).astype(int)]
     delta = np.asarray(
@@ -68,7 +66,7 @@ def recovered_limits(result: Result) -> Limits | None:
     shown = [
         index
         for index in range(len(names))
-        if (nets.feasibility_sees_state if index < obs.shape[1] else nets.feasibility_sees_action)
+        if (nets.feasibility_sees_state if index < number else nets.feasibility_sees_action)
     ]
     ends = np.array([[limits_of(grid[:, i], one[:, i], float(middle[i])) for i in shown] for one in delta])
     lower, upper = (
@@ -84,8 +82,17 @@ def _limits_of_actions(result: Result, space: Box) -> Limits:
     lower, upper = (
         np.asarray(jnp.where(jnp.abs(of_side) < UNLIMITED, space.from_half_widths(of_side), jnp.nan), float) for of_side in ends
     )
-    taken = np.clip(np.asarray(result.expert.action[0]), space.low, space.high)[np.asarray(result.expert.mask[0]) > 0]
+    taken = demonstrated_steps(result)[:, result.spec.env.obs_size :]
     return Limits(result.spec.env.motor_names, lower, upper, taken.min(axis=0), taken.max(axis=0))
+
+
+def demonstrated_steps(result: Result) -> Float[np.ndarray, "N I"]:
+    """Return the unmasked steps of the first seed's D_E, (s, a), as the world takes the action. Raises TypeError off a Box."""
+    space, unmasked = result.spec.env.action_space, np.asarray(result.expert.mask[0]) > 0
+    if not isinstance(space, Box):
+        raise TypeError(f"actions of {result.spec.env.name} are numbered")
+    obs, action = np.asarray(result.expert.obs[0])[unmasked], np.asarray(result.expert.action[0])[unmasked]
+    return np.concatenate([obs, np.clip(action, space.low, space.high)], axis=1)
 
 
 def beyond(seen: Float[np.ndarray, "N I"], limits: Float[np.ndarray, "S I"], side: int) -> Float[np.ndarray, "S I"]:

@@ -23,6 +23,8 @@ from envs.robots.rewards import rewarded
 from envs.robots.tasks import ROBOTS, RobotState, sized
 from envs.views import Coordinates
 
+SLIDE = 2  # `mujoco.mjtJoint.mjJNT_SLIDE`; every other joint of these bodies turns
+SLIDES_IN, TURNS_IN = "m", "rad"
 DIVERGED = 1e3  # m, rad, m/s or rad/s; no body comes near it, so a state beyond it, or not finite, is no physics
 ABSENT_WARP = ("Failed to import warp", "Failed to import mujoco_warp")  # what MJX prints on standard output
 
@@ -104,9 +106,11 @@ def _view(model: Any, hidden: int) -> Coordinates:
     """Name the coordinates by the joints that are observed, the last of them, and by all their velocities."""
     joints = [_spoken(model.joint(index).name) for index in range(model.njnt)]
     driven = [_spoken(model.joint(model.actuator(index).trnid[0]).name) for index in range(model.nu)]
+    units = [SLIDES_IN if model.joint(index).type == SLIDE else TURNS_IN for index in range(model.njnt)]
     return Coordinates(
         names=(*joints[hidden:], *(f"velocity of {name}" for name in joints)),
         motors=tuple(f"motor {name}" for name in driven),
+        units=(*units[hidden:], *(f"{unit}/s" for unit in units)),
     )
 
 

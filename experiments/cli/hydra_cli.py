@@ -77,6 +77,7 @@ def _refuse_unreadable(argv: Sequence[str]) -> None:
 @contextmanager
 def _arguments(argv: Sequence[str]) -> Iterator[None]:
     """Set the command line that Hydra reads, and a temporary folder for the notes of Hydra's sweeper."""
+    argv = [_whole(arg) for arg in argv]
     with tempfile.TemporaryDirectory() as notes:
         elsewhere = [] if any(arg.startswith("hydra.sweep.dir=") for arg in argv) else [f"hydra.sweep.dir={notes}"]
         # Insert it beside the other NAME=VALUE words, because argparse takes them only in one unbroken row.
@@ -86,6 +87,12 @@ def _arguments(argv: Sequence[str]) -> Iterator[None]:
             mock.patch.dict(os.environ, HYDRA_FULL_ERROR="1"),
         ):
             yield
+
+
+def _whole(word: str) -> str:
+    """Quote the comma list of log=…, which Hydra would take for a sweep; a run has all of its loggers."""
+    name, _, value = word.partition("=")
+    return f'log="{value}"' if name == "log" and "," in value and value[0] not in "\"'[" else word
 
 
 def _in_one_line(error: Exception, argv: Sequence[str]) -> str:

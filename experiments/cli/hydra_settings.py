@@ -9,6 +9,7 @@ from typing import Any, Literal
 from hydra.core.config_store import ConfigStore
 
 from aircl_jax.methods import METHODS
+from aircl_jax.recorders.table import LOGGERS
 from aircl_jax.settings.env_defaults import default_config, default_method
 from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS
@@ -26,6 +27,7 @@ seeds           number of seeds, from first_seed on; seed s is the same run alon
 iterations      iterations of training; with resume=true, a larger number extends a run
 run_dir         folder of the run; an existing run needs resume=true or overwrite=true
 demonstrations  an .npz file, a Minari folder or minari:ID instead of the environment's own
+log             a comma list of {", ".join(LOGGERS)}; or none: metrics are in run_dir/metrics.jsonl in any case
 scale           full, or smoke: a run of seconds that tests the machinery
 train           learning rates, network sizes and coefficients, as in train.ppo.learning_rate=0.001
 
@@ -47,6 +49,7 @@ class RunSettings:
     iterations: int = 250
     run_dir: str = "runs/${hydra:runtime.choices.env}/${method}"
     demonstrations: str = "default"
+    log: str = "none"
     resume: bool = False
     overwrite: bool = False
 

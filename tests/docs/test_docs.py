@@ -23,7 +23,7 @@ PAGES = (
         f"docs/{page}.md"
         for page in (
             *("guide", "results", "animals", "equations", "experts", "physics", "learner"),
-            *("research", "robustness", "swap"),
+            *("research", "robustness", "swap", "deploy"),
         )
     ),
 )
@@ -101,6 +101,8 @@ UNDERSTOOD = {
     "experiments.swap": parsed_by("experiments.swap"),
     "experiments.learner": parsed_by("experiments.learner"),
     "experiments.behaviour": parsed_by("experiments.behaviour"),
+    "experiments.export": parsed_by("experiments.export"),
+    "experiments.shield": parsed_by("experiments.shield"),
 }
 
 

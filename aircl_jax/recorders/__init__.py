@@ -1,0 +1,1 @@
+"""Loggers that people already have: recorders, a file and an extra each."""
