@@ -23,6 +23,7 @@ class Coefficients:
     false_alarms: Scalar = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
     sequence_ridge: Scalar = 0.0  # η: weight of z² of the corrected trajectory-level term
     reward_scatter: Scalar = 0.7  # σ of g(s) about its mean, in units of β: the prior of a reward of states
+    potential_scatter: Scalar = 0.2  # σ_h of the slopes of h, likewise, a coordinate's step: of a prior with heavy tails
     pseudo_count: Scalar = 0.25  # ε: entries added to those made and to those expected, in the test of entries
     icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
