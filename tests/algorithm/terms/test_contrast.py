@@ -78,7 +78,8 @@ def test_the_prior_of_the_potential_is_minus_the_log_of_a_cauchy_density_for_eac
     states = of_states()
     batches, coefficients = random_batches()._replace(states=states), replace(COEFFICIENTS, potential_scatter=0.6)
     slopes = np.asarray(states.potential, np.float64)
-    at_zero, at_slopes = (multivariate_t.logpdf(x, np.zeros(2), 0.36 * np.eye(2), 1) for x in (np.zeros(2), slopes))
+    family: Any = multivariate_t
+    at_zero, at_slopes = (family.logpdf(x, np.zeros(2), 0.36 * np.eye(2), 1) for x in (np.zeros(2), slopes))
     expected = (at_zero - at_slopes) / 7
     np.testing.assert_allclose(term("potential_prior", "aircl_contrast", batches, coefficients), expected, rtol=1e-12)
 
