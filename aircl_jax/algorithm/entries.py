@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from aircl_jax.algorithm.learners import exact
 from aircl_jax.algorithm.terms.logits import StateScores
 from aircl_jax.demonstrations.soft_optimal import occupancy
 from aircl_jax.methods import Method
@@ -73,46 +74,55 @@ def log_policy(nets: BoundNetworks, table: Tabular) -> Float[Array, "T X A"]:
     return jax.vmap(jax.vmap(of, (0, None)), (None, 0))(table.obs, jnp.arange(nets.env.horizon))
 
 
-def tempted_policy(nets: BoundNetworks, table: Tabular, log_pi: Float[Array, "T X A"]) -> Float[Array, "T X A"]:
-    """π̃(a|s, t) = σ(logit π(a|s, t) − E[log δ₁(s')] + ḡ − E[g(s')]): of a, were entering s' alone ordinary.
+def model_policy(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> Float[Array, "T X A"]:
+    """log p(a|x, t) of Eq. 6's model, p(τ) ∝ exp(f) δ̄: the soft plan of what π is paid.
+
+    A policy that is trained on it is always somewhat behind it, and f would explain the difference.
+    """
+    return exact.plan(nets, expert, table).log_policy
+
+
+def tempted_policy(nets: BoundNetworks, table: Tabular, log_model: Float[Array, "T X A"]) -> Float[Array, "T X A"]:
+    """π̃(a|s, t) = σ(logit p(a|s, t) − E[log δ₁(s')] + ḡ − E[g(s')]): of a, were entering s' alone ordinary.
 
     Ordinary is a successor of the mean reward and without a price; the other actions stay as they are.
     """
     reward = jax.vmap(nets.state_reward)(table.obs)
     gain = reward.mean() - table.transition @ reward - nets.params.entry_price
-    odds = log_pi - jnp.log1p(-jnp.minimum(jnp.exp(log_pi), 1.0 - FULL))
+    odds = log_model - jnp.log1p(-jnp.minimum(jnp.exp(log_model), 1.0 - FULL))
     return jax.nn.sigmoid(odds + gain)
 
 
-def expected_entries(nets: BoundNetworks, table: Tabular, shown: Shown, log_pi: Float[Array, "T X A"]) -> Float[Array, " X"]:
+def expected_entries(nets: BoundNetworks, table: Tabular, shown: Shown, log_model: Float[Array, "T X A"]) -> Float[Array, " X"]:
     """M_s = Σ over D_E's (s_t, t) of Σ_{a enters s} π̃(a|s_t, t)."""
-    return jnp.einsum("tx,txa,xay->y", shown.visits, tempted_policy(nets, table, log_pi), entering(table))
+    return jnp.einsum("tx,txa,xay->y", shown.visits, tempted_policy(nets, table, log_model), entering(table))
 
 
-def model_counts(table: Tabular, shown: Shown, log_pi: Float[Array, "T X A"]) -> Float[Array, "X A"]:
-    """Compute E_π[Σ_t 1[x_t = x, a_t = a]] of episodes that begin where D_E's do, exactly."""
-    visits = occupancy(table._replace(start=shown.start), log_pi)
-    return jnp.einsum("tx,txa->xa", visits, jnp.exp(log_pi))
+def model_counts(table: Tabular, shown: Shown, log_model: Float[Array, "T X A"]) -> Float[Array, "X A"]:
+    """Compute E_p[Σ_t 1[x_t = x, a_t = a]] of episodes that begin where D_E's do, exactly."""
+    visits = occupancy(table._replace(start=shown.start), log_model)
+    return jnp.einsum("tx,txa->xa", visits, jnp.exp(log_model))
 
 
 def scorer(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> Callable[[BoundNetworks], StateScores]:
-    """Return the function that scores the states of a finite world as θ and φ move; D_E and π are counted once.
+    """Return the function that scores the states of a finite world as θ and φ move; D_E and the model are counted once.
 
     No gradient flows through M. Rows that do not test entries score states by their reward alone.
     """
     if not nets.method.tests_entries:
         return lambda moved: _rewards_alone(moved, expert.mask.shape[0])
-    shown, log_pi = shown_by(expert, nets.env, table), log_policy(nets, table)
-    model = model_counts(table, shown, log_pi)
+    shown, log_model = shown_by(expert, nets.env, table), model_policy(nets, expert, table)
+    model = model_counts(table, shown, log_model)
     actions = jnp.arange(table.reward.shape[1])
 
     def score(moved: BoundNetworks) -> StateScores:
         f = jax.vmap(jax.vmap(moved.reward, (None, 0)), (0, None))(table.obs, actions)
         return StateScores(
             reward=jax.vmap(moved.state_reward)(table.obs),
+            potential=moved.params.reward["potential"],
             step_logit=_step_logits(moved, table.obs),
             entered=shown.entered,
-            expected=jax.lax.stop_gradient(expected_entries(moved, table, shown, log_pi)),
+            expected=jax.lax.stop_gradient(expected_entries(moved, table, shown, log_model)),
             demonstrations=shown.demonstrations,
             expert_f=(shown.pairs * f).sum() / shown.demonstrations,
             model_f=(model * f).sum(),
@@ -133,7 +143,8 @@ def entry_price(nets: BoundNetworks, table: Tabular, step: Int[Array, ""]) -> Fl
 def _rewards_alone(nets: BoundNetworks, demonstrations: int) -> StateScores:
     reward = jax.vmap(nets.state_reward)(jnp.eye(nets.env.obs_size))
     nothing, zero = jnp.zeros_like(reward), jnp.zeros(())
-    return StateScores(reward, nothing, nothing, nothing, jnp.asarray(demonstrations, jnp.float32), zero, zero)
+    number, slopes = jnp.asarray(demonstrations, jnp.float32), nets.params.reward["potential"]
+    return StateScores(reward, slopes, nothing, nothing, nothing, number, zero, zero)
 
 
 def _step_logits(nets: BoundNetworks, obs: Float[Array, "X O"]) -> Float[Array, " X"]:

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from aircl_jax.algorithm.entries import expected_entries, log_policy, shown_by
+from aircl_jax.algorithm.entries import expected_entries, model_policy, shown_by
 from aircl_jax.analysis import exact
 from aircl_jax.analysis.episodes import ONCE
 from aircl_jax.model.networks import Networks
@@ -47,4 +47,4 @@ def _entries(
     networks: Networks, table: Tabular, state: TrainState, expert: Trajectory
 ) -> tuple[Float[Array, " X"], Float[Array, " X"]]:
     nets, shown = networks.bind(state.params, state.obs_stats), shown_by(expert, networks.env, table)
-    return shown.entered, expected_entries(nets, table, shown, log_policy(nets, table))
+    return shown.entered, expected_entries(nets, table, shown, model_policy(nets, expert, table))

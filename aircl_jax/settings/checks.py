@@ -13,7 +13,8 @@ from envs.settings import at_least
 
 SHARES = ("discount", "gae_lambda", "replay_rate", "sampled_coef", "false_alarms")  # numbers between 0 and 1
 COUNTS_FROM_ZERO = ("clone_epochs", "policy_delay", "feasibility_delay", "lr_decay_iterations")
-POSITIVE = ("sharpness", "threshold", "ratio_clip", "reward_scatter", "pseudo_count")  # numbers of which 0 is none
+SCATTERS = ("reward_scatter", "potential_scatter")
+POSITIVE = ("sharpness", "threshold", "ratio_clip", *SCATTERS, "pseudo_count")  # numbers of which 0 is none
 BOUNDLESS = ("log_std_init", "log_std_min", "log_std_max")  # numbers of either sign
 
 

@@ -109,16 +109,16 @@ _TUNED_WALKER = replace(
 )
 
 
-# f is slower than π, whose occupancy it is compared with, and both rates fall to 0. δ₁ waits for a fifth of the run: what is
-# not done is first explained by what is wanted. ϑ lies below e^−1.5: a step into mud is rare too.
+# f is slower than π, which follows it, and both rates fall to 0. δ₁ waits for a fifth of the run: what is not done is first
+# explained by what is wanted. ϑ lies below e^−1.5: a step into mud is rare too.
 _CONTRAST_GRID = replace(
     _GRID,
     iterations=300,
-    num_trajectories=280,
+    num_trajectories=140,
     feasibility_delay=60,
     lr_decay_iterations=315,
-    ppo=replace(_GRID.ppo, num_epochs=8, learning_rate=2e-3, minibatch_size=1400, clip_eps=0.2),
-    adversary=AdversaryConfig(learning_rate=5e-3),
+    ppo=replace(_GRID.ppo, learning_rate=2e-3, clip_eps=0.2),
+    adversary=AdversaryConfig(learning_rate=5e-3, potential_rate=0.15),
     coefficients=Coefficients(threshold=0.15),
 )
 

@@ -69,6 +69,20 @@ def paired_p(difference: np.ndarray) -> float:
     return float(p)  # pyright: ignore[reportArgumentType]
 
 
+def unpaired_p(first: Sequence[float], second: Sequence[float]) -> float:
+    """Compute the two-sided p of the difference of means by exchanging seeds between both rows, which were not the same."""
+    values = (np.array(first, float), np.array(second, float))
+    draws = np.random.default_rng(0)
+    found = stats.permutation_test(
+        values,
+        lambda one, other: np.mean(one) - np.mean(other),
+        permutation_type="independent",
+        n_resamples=RESAMPLES,
+        rng=draws,
+    )
+    return float(found.pvalue)
+
+
 def least_p(pairs: int) -> float:
     """Return the smallest p that the test can give with this number of pairs: all signs alike, 2 of 2^n cases."""
     return min(2.0 ** (1 - pairs), 1.0)

@@ -112,10 +112,9 @@ def _grids(settings: Settings, rows: Sequence[str]) -> None:
     from experiments.swap import grid_cells
 
     study = grid_cells.GridStudy(Path(settings.out), settings.seeds, settings.iterations)
-    for world in (*grid_cells.WORLDS, *grid_cells.CONTROLS):
-        for row in rows:
-            if row in ROWS_OF_GRIDS:
-                grid_cells.cell(study, world, row)
+    for row in rows:
+        for world in grid_cells.worlds_of(row) if row in ROWS_OF_GRIDS else ():
+            grid_cells.cell(study, world, row)
 
 
 def _robot(settings: Settings, world: str, rows: Sequence[str]) -> None:

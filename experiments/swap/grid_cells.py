@@ -34,6 +34,12 @@ CONTROLS: Mapping[str, Mapping[str, Any]] = {
     "lapses of 1 %": {"lapse": 0.01},
     "lapses of 5 %": {"lapse": 0.05},
 }
+FEWEST = 70  # demonstrations, of every cell that does not say another number
+MORE: Mapping[str, tuple[str, int]] = {  # a world with more demonstrations
+    f"{world}, {number} demonstrations": (world, number)
+    for world in (*(name for name in WORLDS if name.startswith("default, ")), *CONTROLS)
+    for number in (200, 500)
+}
 ORACLE, RANDOM = "oracle", "random"
 CONTRAST, PLANNED = "aircl_contrast", "aircl_contrast planned"
 FRESH = 1000  # first seed of the contrast rows: their settings were chosen on seeds 200 to 203 of the default layout
@@ -54,15 +60,22 @@ class GridStudy:
         return self.out / "gridworld" / world.replace(", ", "_").replace(" ", "_") / f"{row}.json"
 
 
+def worlds_of(row: str) -> list[str]:
+    """List the worlds of a row's cells. More demonstrations are for one contrast row: both learn the same of them."""
+    return [*WORLDS, *CONTROLS, *(MORE if row == PLANNED else ())]
+
+
 def cell(study: GridStudy, world: str, row: str) -> Mapping[str, Any]:
     """Return the finished cell, trained now where it is missing."""
     path = study.path(world, row)
     if path.exists():
         return read_kept(path, "seeds", "metrics", "changed_worlds")
     say(f"{row} on {world}")
-    settings, commit, started = {**WORLDS, **CONTROLS}[world], current_commit(), time.perf_counter()
+    commit, started = current_commit(), time.perf_counter()
+    base, demonstrations = MORE.get(world, (world, FEWEST))
+    settings = {**WORLDS, **CONTROLS}[base]
     options: GridOptions = options_of("gridworld", settings)
-    seeds, tables, apart = _learned(study, row, settings, options)
+    seeds, tables, apart = _learned(study, row, settings, options, demonstrations)
     rows = [measures(options, one) for one in tables]
     elsewhere = [by_world(options, one) for one in tables]
     made = {
@@ -70,6 +83,7 @@ def cell(study: GridStudy, world: str, row: str) -> Mapping[str, Any]:
         "world": world,
         "row": row,
         "env_settings": settings,
+        "demonstrations": demonstrations,
         "seeds": seeds,
         "commit": commit,
         "seconds": round(time.perf_counter() - started, 1),
@@ -82,7 +96,7 @@ def cell(study: GridStudy, world: str, row: str) -> Mapping[str, Any]:
 
 
 def _learned(
-    study: GridStudy, row: str, settings: Mapping[str, Any], options: GridOptions
+    study: GridStudy, row: str, settings: Mapping[str, Any], options: GridOptions, demonstrations: int
 ) -> tuple[list[int], list[Learned], Mapping[str, Any]]:
     """What each seed of a row knows, the truth, nothing, or what it has learned; and what else is kept of its training."""
     world, horizon = case(options).world, case(options).horizon
@@ -100,17 +114,23 @@ def _learned(
         first_seed=FRESH if ours else 0,
         iterations=study.iterations or "default",
         env_settings=settings,
-        config={"learner": "exact"} if row == PLANNED else {},
+        config={
+            **({"learner": "exact"} if row == PLANNED else {}),
+            **({"num_demonstrations": demonstrations} if demonstrations != FEWEST else {}),
+        },
     )
     table = result.spec.env.tabular
     if table is None:
         raise TypeError("a grid is a table")
     found = learned(result.spec.method, learned_tables(result.networks, result.states, table))
-    return list(result.summary["seeds"]), found, _apart(result, table, found)
+    return list(result.summary["seeds"]), found, _apart(result, table, found, options)
 
 
-def _apart(result: Result, table: Tabular, found: Sequence[Learned]) -> dict[str, Any]:
-    """Keep π's own measures, and which obstacles each seed found beside the true M of each: who could have found what."""
+def _apart(result: Result, table: Tabular, found: Sequence[Learned], options: GridOptions) -> dict[str, Any]:
+    """Keep π's own measures, and which obstacles each seed found beside the true M of each: who could have found what.
+
+    Of cells that are only disliked it is kept how often each was entered, and which seeds flagged it.
+    """
     metrics = result.summary["metrics"]
     kept = {name: metrics[name]["per_seed"] for name in OF_THE_POLICY}
     if not result.spec.method.tests_steps:
@@ -118,8 +138,14 @@ def _apart(result: Result, table: Tabular, found: Sequence[Learned]) -> dict[str
     forbidden = np.flatnonzero(np.asarray(table.forbidden))
     maps = maps_of_a_grid(result.spec, result.networks, result.states, result.expert)
     flags = [one.forbids for one in found if one.forbids is not None]
+    disliked = [row * int(options.size) + column for row, column in options.dislikes]
+    tastes = {
+        "entered": [seed[disliked].astype(int).tolist() for seed in maps["entered"]],
+        "flagged": [[bool(flag) for flag in seed[disliked]] for seed in flags],
+    }
     return {
         "policy": kept,
+        **({"dislikes": tastes} if disliked else {}),
         "obstacles": {
             "true_tempted": [[round(float(value), 3) for value in seed[forbidden]] for seed in maps["true_tempted"]],
             "found": [[bool(flag) for flag in seed[forbidden]] for seed in flags],

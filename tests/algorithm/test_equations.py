@@ -152,7 +152,7 @@ def test_terms_and_their_gradients_are_finite_in_float32_at_500_steps(name, scal
     rows = [method for method, row in METHODS.items() if name in row.terms]
 
     def loss(scores, method):
-        of_states = StateScores(*jnp.abs(scores.f[jnp.array([0, 1, 2, 0])]), *scores.mask[:, 0])
+        of_states = StateScores(*jnp.abs(scores.f[jnp.array([0, 1, 2, 0, 1])]), *scores.mask[:, 0])
         return term(name, method, Batches(scores, scores, scores, scores, of_states))
 
     with jax.enable_x64(False):

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.policy_reward import policy_reward
-from aircl_jax.demonstrations.soft_optimal import soft_value_iteration
+from aircl_jax.demonstrations.soft_optimal import SoftOptimal, soft_value_iteration
 from aircl_jax.methods import Method
 from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.train_config import TrainConfig
@@ -52,16 +52,21 @@ def reward_table(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> Flo
     return policy_reward(nets, expert, every)[0].reshape(states, actions)
 
 
-def update(nets: BoundNetworks, expert: Trajectory, table: Tabular, moves: Any = True) -> tuple[Params, Metrics]:
-    """Line 7: π_t(a|x) ∝ exp(Q_t(x, a) / β) and V_t = β log Σ_a exp(Q_t / β), Q_t = r + E[V_{t+1}], of the row's own reward.
+def plan(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> SoftOptimal:
+    """π_t(a|x) ∝ exp(Q_t(x, a) / β) and V_t = β log Σ_a exp(Q_t / β), Q_t = r + E[V_{t+1}], of the row's own reward.
 
-    β is the entropy's weight in the policy's reward. Both tables stay unchanged where `moves` is False.
+    β is the entropy's weight in the policy's reward.
     """
     reward = reward_table(nets, expert, table)
-    plan = soft_value_iteration(table, reward, nets.env.horizon, nets.networks.entropy_weight, forbid=False)
-    planned = nets.params._replace(policy=_as_params(plan.log_policy), value=_as_params(plan.soft_value[..., None]))
+    return soft_value_iteration(table, reward, nets.env.horizon, nets.networks.entropy_weight, forbid=False)
+
+
+def update(nets: BoundNetworks, expert: Trajectory, table: Tabular, moves: Any = True) -> tuple[Params, Metrics]:
+    """Line 7: π and V become those of the `plan`. Both tables stay unchanged where `moves` is False."""
+    made = plan(nets, expert, table)
+    planned = nets.params._replace(policy=_as_params(made.log_policy), value=_as_params(made.soft_value[..., None]))
     params = jax.tree.map(lambda new, old: jnp.where(moves, new, old), planned, nets.params)
-    return params, {"policy_loss": -table.start @ plan.soft_value[0]}
+    return params, {"policy_loss": -table.start @ made.soft_value[0]}
 
 
 def _as_params(table: Float[Array, "T X O"]) -> dict[str, Any]:

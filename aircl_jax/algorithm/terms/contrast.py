@@ -1,6 +1,7 @@
 """Define the loss terms of the contrast row: a reward by the likelihood, and a test of entries made against those expected."""
 
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.terms.logits import Batches, StateScores
@@ -19,7 +20,10 @@ def likelihood(method: Method, config: TrainConfig, coefficients: Coefficients, 
 
 
 def exact_likelihood(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
-    """The same with E_π[f(τ)] computed from the world's table in place of a mean over rollouts, whose noise f would follow."""
+    """The same with E_p[f(τ)] of the model's own plan, from the world's table, in place of a mean over rollouts of π.
+
+    f would follow the noise of rollouts, and it would explain what π has not learned yet.
+    """
     states = _of_states(scores)
     return -states.expert_f + states.model_f
 
@@ -32,6 +36,16 @@ def reward_ridge(method: Method, config: TrainConfig, coefficients: Coefficients
     states = _of_states(scores)
     scatter = (states.reward - states.reward.mean()) ** 2
     return scatter.sum() / (2 * states.demonstrations * coefficients.reward_scatter**2)
+
+
+def potential_prior(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:
+    """(P + 1)/2 · log(1 + |∇h|²/σ_h²) / N: minus the log of a Cauchy prior of the P slopes of h, for each demonstration.
+
+    It holds slopes near 0 that the demonstrations hardly tell, and leaves large ones that they do: its pull ends as 1/|∇h|.
+    """
+    states = _of_states(scores)
+    steepness = (states.potential**2).sum() / coefficients.potential_scatter**2
+    return (len(states.potential) + 1) / 2 * jnp.log1p(steepness) / states.demonstrations
 
 
 def entry_ratio(method: Method, config: TrainConfig, coefficients: Coefficients, scores: Batches) -> Float[Array, ""]:

@@ -16,12 +16,13 @@ class StateScores(NamedTuple):
     """What is said of each observed state O of a finite world, and how often it was entered in D_E."""
 
     reward: Float[Array, " O"]  # g(s)
+    potential: Float[Array, " P"]  # the slopes of h
     step_logit: Float[Array, " O"]  # z(s) of entering s
     entered: Float[Array, " O"]  # n: how often D_E's actions aim at s from another state
     expected: Float[Array, " O"]  # M: how often they would, were entering s alone ordinary
     demonstrations: Float[Array, ""]  # N of D_E
     expert_f: Float[Array, ""]  # E_E[f(τ)]
-    model_f: Float[Array, ""]  # E_π[f(τ)], exactly, of episodes that begin where D_E's do
+    model_f: Float[Array, ""]  # E_p[f(τ)] of the model, exactly, of episodes that begin where D_E's do
 
 
 class Batches(NamedTuple):

@@ -6,7 +6,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.terms.baselines import gacl, icrl
-from aircl_jax.algorithm.terms.contrast import entry_ratio, exact_likelihood, likelihood, reward_ridge
+from aircl_jax.algorithm.terms.contrast import entry_ratio, exact_likelihood, likelihood, potential_prior, reward_ridge
 from aircl_jax.algorithm.terms.corrected import sequence_ratio, step_ratio
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.algorithm.terms.printed import contrast, discriminator, feasibility_gradient, minimal
@@ -26,6 +26,7 @@ TERMS: dict[str, Term] = {
     "likelihood": likelihood,
     "exact_likelihood": exact_likelihood,
     "reward_ridge": reward_ridge,
+    "potential_prior": potential_prior,
     "entry_ratio": entry_ratio,
     "gacl": gacl,
     "icrl": icrl,

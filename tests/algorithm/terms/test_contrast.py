@@ -1,22 +1,20 @@
 """The contrast row's terms and entry counts against naive float64 numpy."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.special import softmax
+from scipy.stats import multivariate_t
 
 from aircl_jax.algorithm import entries
 from aircl_jax.algorithm.adversary import make_optimiser
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.terms.logits import StateScores
-from aircl_jax.algorithm.trainer import make_trainer
-from aircl_jax.methods import METHODS, get_method
-from envs import make_env
+from aircl_jax.analysis.exact import soft_plan
+from aircl_jax.methods import METHODS
 from tests.worlds import (
     COEFFICIENTS,
     TINY,
@@ -43,7 +41,8 @@ def of_states(seed=0, number=5):
     random = np.random.default_rng(seed)
     reward, logit = random.normal(size=(2, number))
     made, expected = random.integers(0, 9, size=(2, number))
-    return StateScores(*map(jnp.asarray, (reward, logit, made.astype(float), expected + 0.25, 7.0, 1.0, 2.0)))
+    slopes = random.normal(size=2)
+    return StateScores(*map(jnp.asarray, (reward, slopes, logit, made.astype(float), expected + 0.25, 7.0, 1.0, 2.0)))
 
 
 def logits(nets, obs, t):
@@ -73,6 +72,16 @@ def test_the_ridge_is_the_scatter_about_the_mean_for_each_demonstration():
     expected = sum((x - g.mean()) ** 2 for x in g) / (2 * 7 * 0.36)
     found = term("reward_ridge", "aircl_contrast", random_batches()._replace(states=states), coefficients)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_the_prior_of_the_potential_is_minus_the_log_of_a_cauchy_density_for_each_demonstration():
+    states = of_states()
+    batches, coefficients = random_batches()._replace(states=states), replace(COEFFICIENTS, potential_scatter=0.6)
+    slopes = np.asarray(states.potential, np.float64)
+    family: Any = multivariate_t
+    at_zero, at_slopes = (family.logpdf(x, np.zeros(2), 0.36 * np.eye(2), 1) for x in (np.zeros(2), slopes))
+    expected = (at_zero - at_slopes) / 7
+    np.testing.assert_allclose(term("potential_prior", "aircl_contrast", batches, coefficients), expected, rtol=1e-12)
 
 
 def test_the_entry_ratio_is_a_logistic_regression_of_made_against_expected_entries():
@@ -128,14 +137,14 @@ def test_a_tempted_policy_makes_one_successor_ordinary_and_leaves_the_other_acti
 def test_expected_entries_sum_the_temptations_of_the_demonstrated_states():
     nets, table = bound(), table_of(SLIPPING)
     expert = random_trajectories(SLIPPING, 0, 4)
-    log_pi = entries.log_policy(nets, table)
-    shown, tempted = entries.shown_by(expert, SLIPPING, table), np.asarray(entries.tempted_policy(nets, table, log_pi))
+    log_model = entries.log_policy(nets, table)
+    shown, tempted = entries.shown_by(expert, SLIPPING, table), np.asarray(entries.tempted_policy(nets, table, log_model))
     aim, expected = np.asarray(table.transition).argmax(-1), np.zeros(9)
     for obs, mask in zip(np.asarray(expert.obs), np.asarray(expert.mask), strict=True):
         for t, (cell, keep) in enumerate(zip(obs.argmax(-1), mask, strict=True)):
             for action in range(4):
                 expected[aim[cell, action]] += keep * tempted[t, cell, action] * (aim[cell, action] != cell)
-    np.testing.assert_allclose(entries.expected_entries(nets, table, shown, log_pi), expected, rtol=1e-9)
+    np.testing.assert_allclose(entries.expected_entries(nets, table, shown, log_model), expected, rtol=1e-9)
 
 
 def test_no_gradient_flows_through_the_expected_entries():
@@ -199,15 +208,15 @@ def test_a_plan_has_the_price_in_its_values_and_not_again_in_its_logits():
     np.testing.assert_allclose(planned, planned[0])
 
 
-def test_the_exact_likelihood_is_the_mean_over_all_episodes_of_the_policy_from_the_demonstrated_starts():
+def test_the_exact_likelihood_is_the_mean_over_all_episodes_of_the_soft_plan_from_the_demonstrated_starts():
     nets, table = bound(), table_of(SLIPPING)
     expert = random_trajectories(SLIPPING, 0, 4)
     states = entries.scorer(nets, expert, table)(nets)
     f = np.array([[float(nets.reward(obs, jnp.asarray(action))) for action in range(4)] for obs in table.obs])
     transition = np.asarray(table.transition, np.float64)
+    plan = soft_plan(transition, f + np.asarray(nets.params.entry_price), 4)
     visits, model = np.asarray(expert.obs[:, 0]).mean(axis=0), 0.0
-    for t in range(4):
-        policy = softmax([logits(nets, obs, t) for obs in table.obs], axis=-1)
+    for policy in plan:
         model += (visits[:, None] * policy * f).sum()
         visits = np.einsum("x,xa,xay->y", visits, policy, transition)
     cells, actions, mask = (np.asarray(one) for one in (expert.obs.argmax(-1), expert.action, expert.mask))
@@ -227,40 +236,3 @@ def test_the_slopes_of_a_potential_go_down_their_own_gradient_and_the_networks_b
     np.testing.assert_allclose(updates[0]["potential"], -4.0 * TINY.adversary.potential_rate)
     for leaf in jax.tree.leaves((updates[0]["state"], updates[1])):
         np.testing.assert_allclose(leaf, -TINY.adversary.learning_rate, rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("env", "method", "said"),
-    [
-        ("swimmer", "aircl_contrast", "env=swimmer is no table of places"),
-        ("meerkat", "aircl_contrast", "env=meerkat is no table of places"),
-        ("nonmarkov", "aircl_contrast", "choose aircl_contrast_memory"),
-    ],
-)
-def test_worlds_of_which_the_row_cannot_speak_are_refused_in_a_line(env, method, said):
-    settings = {"data": "simulated"} if env == "meerkat" else {}
-    with pytest.raises(ValueError, match=said) as raised:
-        make_trainer(make_env(env, **settings), METHODS[method], TINY)
-    assert "\n" not in str(raised.value)
-
-
-def test_the_papers_contrast_prior_is_refused():
-    with pytest.raises(ValueError, match="contrast_prior='on': aircl_contrast has no f"):
-        get_method("aircl_contrast", "on")
-    assert get_method("aircl_contrast", "off") == ROW
-
-
-def test_what_the_worlds_table_says_of_reward_and_constraint_is_not_read():
-    table = table_of(SLIPPING)
-    unknown = {name: jnp.full_like(getattr(table, name), jnp.nan) for name in ("reward", "cost", "forbidden", "goal")}
-    expert = random_trajectories(SLIPPING, 0, TINY.num_demonstrations)
-
-    def after_a_step(world):
-        trainer = make_trainer(replace(SLIPPING, tabular=world), ROW, replace(TINY, feasibility_delay=0))
-        return trainer.step(trainer.init(jax.random.key(0), expert), expert)[0].params
-
-    with jax.enable_x64(False):
-        expert = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.int32 if leaf.dtype.kind == "i" else jnp.float32), expert)
-        known, blind = (jax.jit(partial(after_a_step, world))() for world in (table, table._replace(**unknown)))
-    jax.tree.map(np.testing.assert_array_equal, known, blind)
-    assert np.any(known.entry_price)

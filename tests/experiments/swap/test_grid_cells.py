@@ -32,3 +32,17 @@ def test_the_contrast_rows_have_ten_fresh_seeds_and_keep_what_they_found(monkeyp
     found = np.array(cell["obstacles"]["found"]).sum(axis=1)
     assert cell["metrics"]["flagged"] == (found + cell["false_flags"]).tolist()
     assert set(cell["policy"]) == set(grid_cells.OF_THE_POLICY)
+    assert cell["demonstrations"] == 70 and "dislikes" not in cell
+
+
+def test_a_control_with_more_demonstrations_keeps_which_disliked_cells_were_flagged(monkeypatch, tmp_path):
+    seen = {}
+    monkeypatch.setattr(grid_cells, "train", lambda env, method, **given: seen.update(given) or untrained(method))
+    monkeypatch.setattr(grid_cells, "measures", lambda options, one: {"flagged": float(one.forbids.sum())})
+    monkeypatch.setattr(grid_cells, "by_world", lambda options, one: {"wind": (0.5, 0.5)})
+    world = {"size": 3, "goal": [2, 2], "obstacles": [], "dislikes": [[1, 1], [0, 2]]}
+    monkeypatch.setattr(grid_cells, "CONTROLS", {"dislikes": world})
+    cell = grid_cells.cell(grid_study(tmp_path), "dislikes, 500 demonstrations", "aircl_contrast planned")
+    assert seen["config"] == {"learner": "exact", "num_demonstrations": 500} and seen["env_settings"] == world
+    assert cell["demonstrations"] == 500
+    assert np.array(cell["dislikes"]["flagged"]).shape == np.array(cell["dislikes"]["entered"]).shape == (2, 2)

@@ -15,7 +15,7 @@ from envs import make_env
 from envs.options import GridOptions
 from experiments.swap import __main__ as command
 from experiments.swap import grid_cells, report, robot_cells
-from experiments.swap.grid_cells import CONTROLS, WORLDS, GridStudy
+from experiments.swap.grid_cells import CONTROLS, MORE, WORLDS, GridStudy
 from experiments.swap.robot_cells import Study, applies
 from experiments.swap.robot_tests import TESTS
 from tests.finished_runs import random_episodes, untrained_robot
@@ -62,8 +62,9 @@ def test_a_wrong_setting_is_one_line_and_2_and_nothing_is_made(words, said, aske
 
 def test_rows_on_grids_are_those_that_a_table_can_have_in_every_world_and_control(asked, tmp_path):
     assert command.main(["worlds=gridworld", f"out={tmp_path}"]) == 0
-    assert asked == [(world, row) for world in (*WORLDS, *CONTROLS) for row in command.ROWS_OF_GRIDS]
-    assert len(asked) == (15 + 3) * 7
+    assert asked == [(world, row) for row in command.ROWS_OF_GRIDS for world in grid_cells.worlds_of(row)]
+    assert len(asked) == (15 + 3) * 7 + 12
+    assert {row for world, row in asked if world in MORE} == {"aircl_contrast planned"}
 
 
 def test_rows_on_a_robot_have_the_tests_that_they_can_have(asked, tmp_path):
@@ -91,8 +92,8 @@ def test_tests_have_names_and_files_of_their_own():
     for env, tests in TESTS.items():
         assert len({study(Path("out")).path(env, "oracle", test.name) for test in tests}) == len(tests)
     assert study(Path("out")).path("swimmer", "bc as it is", "S4 weak") == Path("out/swimmer/bc_as_it_is/S4_weak.json")
-    grids = {GridStudy(Path("out"), 3, 0).path(world, "oracle") for world in (*WORLDS, *CONTROLS)}
-    assert len(grids) == 18
+    grids = {GridStudy(Path("out"), 3, 0).path(world, "oracle") for world in (*WORLDS, *CONTROLS, *MORE)}
+    assert len(grids) == 30
 
 
 def test_which_rows_have_what_a_test_recombines():
