@@ -17,7 +17,7 @@ from aircl_jax.demonstrations import sources
 from aircl_jax.messages import warn
 from aircl_jax.model.networks import Networks
 from aircl_jax.reports import run_report
-from aircl_jax.reports.alarms import alarms, not_finite, untuned
+from aircl_jax.reports.alarms import alarms, not_finite, not_looked_for, untuned
 from aircl_jax.reports.summary import fits, summarise
 from aircl_jax.runs.directory import FIGURES, THEN, TRACE, RunDirectory
 from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session, since_of
@@ -206,7 +206,13 @@ def _result(
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
         summary=summary,
-        alarms=untuned(spec.env) + _of_the_data(spec.env) + not_finite(summary) + alarms(summary["seeds"], per_seed),
+        alarms=[
+            *untuned(spec.env),
+            *not_looked_for(spec.method, spec.env),
+            *_of_the_data(spec.env),
+            *not_finite(summary),
+            *alarms(summary["seeds"], per_seed),
+        ],
         history=record.history(),
         spec=spec,
         networks=networks,

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from aircl_jax.methods import Method
 from aircl_jax.settings.env_defaults import has_own_settings
 from envs import Env
 
@@ -33,6 +34,13 @@ def untuned(env: Env) -> list[str]:
     if has_own_settings(env):
         return []
     return [f"env={env.name} runs with untuned settings: what `config` does not name is the default of TrainConfig."]
+
+
+def not_looked_for(method: Method, env: Env) -> list[str]:
+    """One sentence where the world's constraint is of a kind that the row does not look for."""
+    if not (method.has_twin and env.constraint_input == "state"):
+        return []
+    return [f"env={env.name} has a constraint of states, and this row looks for limits of actions; choose aircl_corrected."]
 
 
 def not_finite(summary: Mapping[str, Any]) -> list[str]:

@@ -162,7 +162,7 @@ TUNED: dict[str, TrainConfig] = {
 
 
 # The row that a world runs with where none is named; any other world runs with CORRECTED.
-DEFAULT_METHODS = {"gridworld": "aircl_contrast"}
+DEFAULT_METHODS = {"gridworld": "aircl_contrast", "swimmer": "aircl_contrast"}
 CORRECTED = "aircl_corrected"
 
 
