@@ -61,7 +61,7 @@ class MomentConfig:
     """The reward of a world without a table: θ by the gap of the feature means, E_E φ − E_π φ."""
 
     rate: Scalar = 0.05  # α of plain gradient descent
-    sparsity: Scalar = 0.1  # λ of the soft threshold of each feature
+    sparsity: Scalar = 0.2  # λ of the soft threshold of each feature
     norm: Scalar = 0.5  # B: greatest ‖θ‖, and its only one from `sphere` on
     sphere: int = 40  # iterations
     averaged_from: Scalar = 0.5  # share of the run after which θ is averaged: the mean is what is learned

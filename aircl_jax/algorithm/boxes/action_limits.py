@@ -6,12 +6,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.scipy.stats import norm
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.settings.train_config import Coefficients
 
 BINS = 180  # of an action's box
+WINDOW = 50.0  # expected actions by which a bin is judged together with those next to it: fewer than a lapse would outweigh
+EDGE = 5  # bins beyond the last that is used often, in which a few demonstrations still say where the limit is
 EDGES = jnp.linspace(-1.0, 1.0, BINS + 1)  # half-widths from the middle
 
 
@@ -48,22 +50,36 @@ def share_expected(mean: Float[Array, "M A"], std: Float[Array, " A"], mask: Flo
 def limits(made: Made, share: Float[Array, "A B"], coefficients: Coefficients) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
     """Return the lower and the upper limit of each action; ∓UNLIMITED where there is none.
 
-    A bin is used where (n + ε) / (M + ε) ≥ ϑ, M = share × steps. The limit is the outermost demonstrated action of the bins
-    up to the last used one, where at least `least_expected` actions would have been beyond it and hardly any was: n ≤ ϑ M.
+    M = share × steps. A bin is used where (n + ε) / (M + ε) ≥ ϑ, both summed from it outwards until M is at least `WINDOW`.
+    So are those of the next `EDGE` bins in which more was done than by lapses, whose number in a bin is the mean further out.
+    The limit is the outermost demonstrated action of the bins up to the last used one, where at least `least_expected` actions
+    would have been beyond it and hardly any was: n ≤ ϑ M.
     """
     expected = share * made.steps
-    ratio = (made.number + coefficients.pseudo_count) / (expected + coefficients.pseudo_count)
-    used = ratio >= coefficients.threshold
     outermost = jax.vmap(partial(_outermost, coefficients))
-    upper = outermost(used, made.number, expected, made.greatest)
-    lower = outermost(used[:, ::-1], made.number[:, ::-1], expected[:, ::-1], -made.least[:, ::-1])
+    upper = outermost(made.number, expected, made.greatest)
+    lower = outermost(made.number[:, ::-1], expected[:, ::-1], -made.least[:, ::-1])
     return -lower, upper
 
 
-def _outermost(coefficients: Coefficients, used: Array, number: Array, expected: Array, greatest: Array) -> Float[Array, ""]:
-    last = jnp.where(used, jnp.arange(BINS), -1).max()
-    outside = jnp.arange(BINS) > last
+def _outermost(coefficients: Coefficients, number: Array, expected: Array, greatest: Array) -> Float[Array, ""]:
+    bins = jnp.arange(BINS)
+    first = jnp.where(_used(coefficients, number, expected), bins, -1).max()
+    further = bins > first + EDGE
+    lapses = jnp.where(further, number, 0.0).sum() / jnp.maximum(further.sum(), 1)
+    done = ~further & (bins > first) & (number > lapses + 3.0 * jnp.sqrt(lapses))
+    last = jnp.where(done, bins, first).max()
+    outside = bins > last
     made, tempted = (jnp.where(outside, count, 0.0).sum() for count in (number, expected))
     limit = jnp.where(outside, -UNLIMITED, greatest).max()
-    known = (tempted >= coefficients.least_expected) & (made <= coefficients.threshold * tempted) & (last >= 0)
+    known = (tempted >= coefficients.least_expected) & (made <= coefficients.threshold * tempted) & (first >= 0)
     return jnp.where(known, limit, UNLIMITED)
+
+
+def _used(coefficients: Coefficients, number: Float[Array, " B"], expected: Float[Array, " B"]) -> Bool[Array, " B"]:
+    """Whether n/M is ϑ or more from each bin outwards; where too little is expected outwards, nothing is known."""
+    up_to = jnp.cumsum(expected)
+    end = jnp.searchsorted(up_to, up_to - expected + WINDOW)  # the first bin up to which M is that much
+    known, end = end < BINS, jnp.minimum(end, BINS - 1)
+    made, tempted = (jnp.cumsum(count)[end] - jnp.cumsum(count) + count for count in (number, expected))
+    return known & ((made + coefficients.pseudo_count) / (tempted + coefficients.pseudo_count) >= coefficients.threshold)

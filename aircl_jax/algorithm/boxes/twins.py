@@ -135,6 +135,7 @@ def learner_of(config: TrainConfig) -> LearnerConfig:
         num_trajectories=config.num_trajectories,
         hidden=config.hidden,
         ppo=config.ppo,
+        cost_discount=0.0,  # the cost is of the action alone: what is charged later is no fault of this one
         stray_cost=config.moments.stray_cost,
         multiplier_init=config.moments.multiplier_init,
         multiplier_rate=config.moments.multiplier_rate,

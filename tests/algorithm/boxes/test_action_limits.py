@@ -60,6 +60,23 @@ def test_the_limit_is_the_outermost_action_where_a_tempted_policy_would_go_beyon
     assert (lower, upper) == (pytest.approx(action.min()), pytest.approx(action.max()))
 
 
+@pytest.mark.parametrize(("at", "limit"), [(0.54, 0.54), (0.6, 0.5)])
+def test_the_few_actions_next_to_what_is_done_often_still_say_where_the_limit_is(at, limit):
+    action = np.concatenate([demonstrated(40_000), [[at]]])
+    assert drawn(action, EVENLY)[1] == pytest.approx(limit, abs=2e-3)
+
+
+def test_a_lapse_next_to_a_limit_is_no_limit():
+    beyond = np.linspace(0.5, 1.0, 91)[1:, None]  # two in each bin
+    assert drawn(np.concatenate([demonstrated(40_000), beyond]), EVENLY)[1] == pytest.approx(0.5, abs=0.012)
+
+
+def test_bins_of_which_little_is_expected_hide_no_limit():
+    places = (np.asarray(EDGES)[1:] + np.asarray(EDGES)[:-1]) / 2
+    narrow = np.exp(-0.5 * (places / 0.25) ** 2)[None]  # hardly ever beyond .8
+    assert drawn(demonstrated(40_000, limit=0.4), narrow / narrow.sum())[1] == pytest.approx(0.4, abs=2e-3)
+
+
 def test_each_side_has_its_own_limit():
     action = demonstrated() * 0.5 + 0.2  # between −.05 and .45
     lower, upper = drawn(action, EVENLY)
