@@ -18,7 +18,7 @@ from envs.layouts import LAYOUTS
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, refuse_short_runs
 from experiments.shared.commits import current_commit
-from experiments.shared.kept_files import read_kept
+from experiments.shared.kept_files import keep, read_kept
 from experiments.shared.paired_tests import each, spread
 
 SECOND, THIRD = ([list(cell) for cell in LAYOUTS[name].obstacles] for name in ("second", "third"))
@@ -100,8 +100,7 @@ def _cell(settings: Settings, world: str, method: str, commit: str) -> dict[str,
         "commit": commit,
         "alarms": result.alarms,
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(cell, indent=1) + "\n", encoding="utf-8")
+    keep(path, cell)
     return cell
 
 

@@ -22,8 +22,11 @@ from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER
 
 ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "bc")
 POINTS = 20  # least number of points of a learning curve
-KEPT = ("seeds", "metrics", "scale", "command", "commit", "settings", "alarms", "curves")
 CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
+KEPT = (
+    *("seeds", "scale", "command", "commit", "commits", "settings", "alarms", "curves.iteration"),
+    *(f"metrics.{name}.per_seed" for name in CURVES),
+)
 
 Cell = Mapping[str, Any]
 Cells = Mapping[tuple[str, str], Cell]  # by env and method
