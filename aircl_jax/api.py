@@ -149,6 +149,7 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
     """Write the summary, then all that could fail for a fault of ours, and last the report; a failure costs nothing else."""
     from aircl_jax.figures import of_a_run
     from aircl_jax.reports.card import as_json, as_markdown, card_of
+    from aircl_jax.reports.page import page_of
     from aircl_jax.reports.recovered_words import reading
 
     spec, attempt = result.spec, Attempts(directory.path / TRACE)
@@ -165,7 +166,12 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
         command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
     alarms = [*result.alarms, *attempt.failed]
     account = spec.env.recorded.account if spec.env.recorded is not None else ()
-    directory.write_report(run_report.report(result.summary, alarms, figures, command, words, account))
+    report = run_report.report(result.summary, alarms, figures, command, words, account)
+    with disk(directory.path, THEN):
+        page = attempt("the HTML report", lambda: page_of(directory.path, report), None)
+    if page is not None:
+        directory.write_page(page)
+    directory.write_report(report)
     return replace(result, defects=tuple(attempt.failed))
 
 

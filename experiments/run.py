@@ -32,7 +32,7 @@ def run(composed: Composed) -> int:
     from aircl_jax.reports.card import card_of, is_card
     from aircl_jax.reports.card import closing as card_closing
     from aircl_jax.reports.run_report import closing
-    from aircl_jax.runs.directory import CARD
+    from aircl_jax.runs.directory import CARD, PAGE
     from aircl_jax.runs.readers import read_json
 
     iterations = f"{settings.iterations} iterations of {settings.seeds} seeds"
@@ -54,6 +54,9 @@ def run(composed: Composed) -> int:
         card = card_of(result)
     said = closing(result.summary, result.alarms, settings.run_dir)
     say(said + card_closing(card) if card else said)
+    page = Path(settings.run_dir) / PAGE
+    if page.exists():
+        say(f"\nRead it in a browser: {page.resolve().as_uri()}")
     return DEFECT if result.defects else DONE
 
 

@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def show(settings: Settings, _: Sequence[str]) -> None:
-    """Write the player and the film strip, and print where they are."""
+    """Write the player and the film strip, and print where they are. The run's HTML report then has the player inside."""
     for path, caption in watch(settings):
         say(f"wrote {path} ({path.stat().st_size / 1000:.0f} kB): {caption}")
 
@@ -69,6 +69,9 @@ def _write(run_dir: Path, index: int, episodes: int, out: Path) -> list[tuple[Pa
     from aircl_jax.analysis import robot_scene
     from aircl_jax.figures.robots import film_strip, player
     from aircl_jax.figures.style import DPI, STYLE
+    from aircl_jax.reports.page import page_of
+    from aircl_jax.runs.directory import FIGURES, PAGE
+    from aircl_jax.storage import write_whole
 
     scene = robot_scene.gather(load(run_dir), index, episodes)
     film, page = out / "film_strip.png", out / "watch.html"
@@ -77,6 +80,8 @@ def _write(run_dir: Path, index: int, episodes: int, out: Path) -> list[tuple[Pa
         drawing = film_strip.film_strip(scene)
         drawing.figure.savefig(film, dpi=DPI)
     number = len(scene.expert.length)
+    if (run_dir / PAGE).exists() and out == run_dir / FIGURES:
+        write_whole(run_dir / PAGE, page_of(run_dir))
     return [(page, f"{number} episodes of demonstrations and policy; open it in a browser."), (film, drawing.caption)]
 
 

@@ -23,8 +23,8 @@ from aircl_jax.runs.recorder import Row
 from aircl_jax.storage import DISK_ERRORS, DiskError, append, disk, locked, reason, replacing, write_whole
 
 STATE, REPORT, FIGURES, TRACE = "state", "report.md", "figures", "trace.txt"
-CARD, CARD_WORDS, MAPS = "card.json", "card.md", "recovered.npz"
-_DONE = (SUMMARY, REPORT, CARD, CARD_WORDS, MAPS, TRACE)  # what a finished run has beside its history
+CARD, CARD_WORDS, MAPS, PAGE = "card.json", "card.md", "recovered.npz", "report.html"
+_DONE = (SUMMARY, REPORT, PAGE, CARD, CARD_WORDS, MAPS, TRACE)  # what a finished run has beside its history
 THEN = "once it can be, the same command with resume=true goes on"
 
 Settings = Mapping[str, Any]  # nested settings of a run, as config.yaml holds them
@@ -150,6 +150,10 @@ class RunDirectory:
     def write_report(self, report: str) -> None:
         """Write the report, with which a run is finished."""
         self._write(REPORT, report)
+
+    def write_page(self, page: str) -> None:
+        """Write the report as HTML."""
+        self._write(PAGE, page)
 
     def write_maps(self, maps: Mapping[str, np.ndarray]) -> None:
         """Write recovered.npz; no file where there is no map."""

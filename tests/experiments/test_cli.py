@@ -20,6 +20,7 @@ OWN = {
     "state",
     "summary.json",
     "report.md",
+    "report.html",
     "card.json",
     "card.md",
     "recovered.npz",
