@@ -12,6 +12,7 @@ PACKAGES = ("aircl_jax", "envs", "experiments")
 # From the ground up; the shelves of one floor know nothing of each other.
 FLOORS = (
     ("messages",),
+    ("console",),
     ("runtime", "storage", "defects"),
     ("envs",),
     ("types", "methods", "settings", "gym"),

@@ -10,7 +10,7 @@ CODE = ("aircl_jax", "envs")  # the folders that a cell's numbers depend on
 def current_commit() -> str:
     """Return this project's commit, with `-dirty` where the code differs from it, or `unknown` without Git."""
     head = _git("rev-parse", "--short", "HEAD")
-    if head.returncode:
+    if head.returncode or not (ROOT / "pyproject.toml").exists():  # installed, perhaps within another project's repository
         return "unknown"
     changed = _git("diff", "--quiet", "HEAD", "--", *CODE, "experiments").returncode
     return head.stdout.strip() + ("-dirty" if changed else "")
