@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 
@@ -124,3 +125,19 @@ def test_a_changed_setting_is_refused_with_the_difference(finished):
 def test_a_shorter_run_is_refused(finished):
     with pytest.raises(ValueError, match=r"at iteration 10 already; iterations=2 would shorten it"):
         train(**SETTINGS, iterations=CHUNK, run_dir=finished, resume=True)
+
+
+@pytest.mark.slow
+def test_a_robots_row_with_a_twin_goes_on_bit_for_bit(tmp_path):
+    settings: dict[str, Any] = {
+        "env": "swimmer",
+        "method": "aircl_contrast",
+        "seeds": 2,
+        "config": {"checkpoint_every": 2, "num_trajectories": 4, "feasibility_delay": 1, "num_evaluation": 2},
+    }
+    whole = train(**settings, iterations=4, run_dir=tmp_path / "whole")
+    train(**settings, iterations=2, run_dir=tmp_path / "cut")
+    resumed = train(**settings, iterations=4, run_dir=tmp_path / "cut", resume=True)
+    assert (tmp_path / "cut" / METRICS).read_bytes() == (tmp_path / "whole" / METRICS).read_bytes()
+    for one, two in zip(*(jax.tree.leaves(run.states.params) for run in (whole, resumed)), strict=True):
+        np.testing.assert_array_equal(one, two)
