@@ -1,6 +1,7 @@
 """PPO on worlds so small that the soft-optimal policy is known by hand: max E[r] + temperature × entropy."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,16 @@ from aircl_jax.demonstrations.soft_optimal import soft_value_iteration
 from aircl_jax.model.networks import make_networks
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs import Box, Discrete, Env, Step, make_env
-from tests.worlds import KNOWN_REWARD, TINY, expected_return, one_state_env, random_trajectories, table_of, unit_stats
+from tests.worlds import (
+    KNOWN_REWARD,
+    OPTIMISED,
+    TINY,
+    expected_return,
+    one_state_env,
+    random_trajectories,
+    table_of,
+    unit_stats,
+)
 
 PPO = PPOConfig(learning_rate=1e-2, num_epochs=4, minibatch_size=10_000, discount=0.5, log_std_init=-1.5)
 ACTIONS = jnp.asarray([0.0, 1.0, 2.0])
@@ -25,7 +35,7 @@ def solve(env: Env, iterations=150, temperature=1.0, number=512, **changes):
     trainer, nets = make_trainer(env, KNOWN_REWARD, config), make_networks(env, KNOWN_REWARD, config)
     expert = random_trajectories(env, 0, 2)
 
-    @jax.jit
+    @partial(jax.jit, compiler_options=OPTIMISED)
     def train(key):
         state = trainer.init(key, expert)._replace(obs_stats=unit_stats(env))
         return jax.lax.scan(lambda state, _: (trainer.step(state, expert)[0], None), state, length=iterations)[0]
