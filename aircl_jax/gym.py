@@ -17,7 +17,7 @@ KEYS = 2**31  # of which each episode without a seed draws one
 
 
 class World(gymnasium.Env[np.ndarray, Any]):
-    """One of our worlds, an episode at a time; `info["cost"]` is the true cost of the step, NaN where it is unknown.
+    """One of our worlds, an episode at a time; `info["cost"]` is the true cost of the step, absent where it is unknown.
 
     The reward is the true one, and 0 where there is none. An episode is truncated at the horizon, or terminated there where
     the task ends with it.
@@ -57,7 +57,8 @@ class World(gymnasium.Env[np.ndarray, Any]):
         if terminated or truncated:
             self._state = None
         reward = float(step.reward) if self.env.has_reward else 0.0
-        return np.asarray(step.obs, np.float32), reward, terminated, truncated, {"cost": float(step.cost)}
+        cost = float(step.cost)
+        return np.asarray(step.obs, np.float32), reward, terminated, truncated, {} if np.isnan(cost) else {"cost": cost}
 
     def _one_step(self, key: Any, state: Any, action: Any) -> tuple[Any, Any, Any]:
         key_step, key = jax.random.split(key)

@@ -14,6 +14,7 @@ def repository(tmp_path, monkeypatch) -> Path:
     for folder in ("aircl_jax", "envs", "experiments", "docs"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "file.py").write_text("1\n")
+    (tmp_path / "pyproject.toml").write_text("\n")
     git(tmp_path, "init", "--quiet")
     git(tmp_path, "add", ".")
     git(tmp_path, "-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "--quiet", "-m", "first")
