@@ -1,7 +1,9 @@
 """The contrast row where actions are of a box: what one fused step reads, and when twin and constraint begin."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,12 +12,12 @@ import pytest
 
 from aircl_jax.algorithm.boxes import action_limits, twins
 from aircl_jax.algorithm.measures import FINITE
-from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.methods import get_method
 from aircl_jax.settings.train_config import Coefficients, MomentConfig, PPOConfig, TrainConfig
 from envs import Box, Env, Step, make_env
 from tests.finished_runs import random_episodes
-from tests.worlds import poisoned, tiny_grid
+from tests.worlds import UNOPTIMISED, poisoned, tiny_grid
 
 METHOD = get_method("aircl_contrast", of_box=True)
 CONFIG = TrainConfig(
@@ -23,7 +25,6 @@ CONFIG = TrainConfig(
     num_trajectories=4,
     num_demonstrations=6,
     hidden=(4,),
-    feasibility_delay=3,
     ppo=PPOConfig(learning_rate=1e-2, num_epochs=1, minibatch_size=24),
     coefficients=Coefficients(threshold=0.05, pseudo_count=0.5, least_expected=5.0),
 )
@@ -58,19 +59,27 @@ def shown(env: Env, number=6):
     return episodes._replace(obs=obs, action=action, reward=obs[..., 0], cost=zeros, mask=zeros + 1.0)
 
 
+def trainer_of(near: float, poison: Any = 0.0) -> Trainer:
+    poison = jnp.asarray(poison)
+    delay = 3 if near == 0.0 else 100
+    config = replace(CONFIG, feasibility_delay=delay, moments=MomentConfig(near=near))
+    return make_trainer(poisoned(pushed_point(), poison, poison), METHOD, config)
+
+
+@cache
+def stepper(near: float) -> Callable:
+    """(state, expert, poison of the true reward and cost) -> one step."""
+    return jax.jit(lambda state, expert, poison: trainer_of(near, poison).step(state, expert), compiler_options=UNOPTIMISED)
+
+
 @cache
 def ran(steps=5, near=0.0, poison=0.0):
     """States and metrics of the first steps: the initial state first."""
-    env = pushed_point()
-    expert = shown(env)
+    expert = shown(pushed_point())
     expert = expert._replace(reward=expert.reward + poison, cost=expert.cost + poison)
-    poison = jnp.asarray(poison)
-    config = replace(CONFIG, moments=MomentConfig(near=near))
-    trainer = make_trainer(poisoned(env, poison, poison), METHOD, config)
-    step = jax.jit(trainer.step)
-    states, metrics = [trainer.init(jax.random.key(0), expert)], [{}]
+    states, metrics = [trainer_of(near).init(jax.random.key(0), expert)], [{}]
     for _ in range(steps):
-        state, measured = step(states[-1], expert)
+        state, measured = stepper(near)(states[-1], expert, jnp.asarray(poison))
         states.append(state)
         metrics.append(measured)
     return states, metrics
@@ -99,13 +108,8 @@ def test_the_twin_is_the_policy_until_the_delay_and_goes_its_own_way_after_it():
 
 
 def test_twin_and_constraint_begin_once_the_means_have_nearly_met_for_a_while():
-    config = replace(CONFIG, feasibility_delay=100, moments=MomentConfig(near=1e6))
-    env = pushed_point()
-    trainer, expert = make_trainer(env, METHOD, config), shown(env)
-    step, state, since = jax.jit(trainer.step), trainer.init(jax.random.key(0), expert), []
-    for _ in range(twins.LASTING + 1):
-        state, _ = step(state, expert)
-        since.append(float(state.adversary_opt.since))
+    states, _ = ran(twins.LASTING + 1, near=1e6)
+    since = [float(state.adversary_opt.since) for state in states[1:]]
     assert since == [0.0] * (twins.LASTING - 1) + [1.0, 2.0]
 
 
