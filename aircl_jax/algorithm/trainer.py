@@ -115,17 +115,20 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
 
 def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
-    """Scale the learning rates by 1 − step / lr_decay_iterations; those of π and V are 0 before `policy_delay`."""
+    """Scale the learning rates by 1 − step / lr_decay_iterations; those of π and V are 0 before `policy_delay`.
+
+    The potential waits as δ₁ does: what g can say is said first, while h is 0, where its prior holds it.
+    """
     config = nets.config
-    if not config.lr_decay_iterations and not config.policy_delay:
+    if not (config.lr_decay_iterations or config.policy_delay or config.feasibility_delay):
         return nets
     left = optax.linear_schedule(1.0, 0.0, config.lr_decay_iterations)(step)
-    moves = step >= config.policy_delay
+    moves, says_more = step >= config.policy_delay, step >= config.feasibility_delay
     acting = replace(config.ppo, learning_rate=moves * left * config.ppo.learning_rate)
     discriminating = replace(
         config.adversary,
         learning_rate=left * config.adversary.learning_rate,
-        potential_rate=left * config.adversary.potential_rate,
+        potential_rate=says_more * left * config.adversary.potential_rate,
     )
     return replace(nets, config=replace(config, ppo=acting, adversary=discriminating))
 

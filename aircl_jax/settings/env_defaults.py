@@ -108,8 +108,8 @@ _TUNED_WALKER = replace(
 )
 
 
-# f is slower than π, which follows it, and both rates fall to 0. δ₁ waits for a fifth of the run: what is not done is first
-# explained by what is wanted. ϑ lies below e^−1.5: a step into mud is rare too.
+# f is slower than π, which follows it, and both rates fall to 0. δ₁ and h wait for a fifth of the run: what is not done is
+# first explained by what is wanted, and that by places. ϑ lies below e^−1.5: a step into mud is rare too.
 _CONTRAST_GRID = replace(
     _GRID,
     iterations=300,
@@ -117,7 +117,7 @@ _CONTRAST_GRID = replace(
     feasibility_delay=60,
     lr_decay_iterations=315,
     ppo=replace(_GRID.ppo, learning_rate=2e-3, clip_eps=0.2),
-    adversary=AdversaryConfig(learning_rate=5e-3, potential_rate=0.15),
+    adversary=AdversaryConfig(learning_rate=5e-3, potential_rate=0.2),
     coefficients=Coefficients(threshold=0.15),
 )
 

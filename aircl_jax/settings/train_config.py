@@ -23,7 +23,7 @@ class Coefficients:
     false_alarms: Scalar = 0.05  # α: share of D_E that each test may reject; ϑ is lowered until it holds
     sequence_ridge: Scalar = 0.0  # η: weight of z² of the corrected trajectory-level term
     reward_scatter: Scalar = 0.7  # σ of g(s) about its mean, in units of β: the prior of a reward of states
-    potential_scatter: Scalar = 0.2  # σ_h of the slopes of h, likewise, a coordinate's step: of a prior with heavy tails
+    potential_scatter: Scalar = 0.1  # σ_h of the slopes of h, likewise, a coordinate's step: of a prior with heavy tails
     pseudo_count: Scalar = 0.25  # ε: entries added to those made and to those expected, in the test of entries
     icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
@@ -73,7 +73,7 @@ class TrainConfig:
     clone_minibatch_size: int = 2500  # transitions of the cloning's minibatches, rounded to whole trajectories
     clone_learning_rate: float = 3e-3  # Adam's, of the cloning
     policy_delay: int = 0  # iterations in which π and V stand still, so that f and δ̄ learn of a clone before it moves
-    feasibility_delay: int = 0  # iterations before δ₁ of entries is paid, so that f is of what is wanted first
+    feasibility_delay: int = 0  # iterations before δ₁ of entries is paid and h moves, so that g says first what it can
     lr_decay_iterations: int = 0  # iterations in which both learning rates fall linearly to 0; 0: they never do
     temperature: float = 1.0  # β of the entropy, where the reward is known or D is centred; the paper's f takes 1
     num_evaluation: int = 500  # fresh episodes at each evaluation

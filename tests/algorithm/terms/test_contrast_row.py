@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.algorithm.trainer import make_trainer, scheduled
 from aircl_jax.methods import METHODS, get_method
+from aircl_jax.model.networks import make_networks
 from envs import make_env
 from tests.worlds import TINY, random_trajectories, table_of, tiny_grid
 
@@ -32,6 +33,17 @@ def test_worlds_of_which_the_row_cannot_speak_are_refused_in_a_line(env, method,
     with pytest.raises(ValueError, match=said) as raised:
         make_trainer(make_env(env, **settings), METHODS[method], TINY)
     assert "\n" not in str(raised.value)
+
+
+def test_the_potential_waits_as_the_price_of_entries_does_and_its_rate_falls_as_the_others():
+    config = replace(TINY, feasibility_delay=2, lr_decay_iterations=4)
+    nets = make_networks(SLIPPING, ROW, config)
+    for step, share in ((0, 0.0), (1, 0.0), (2, 0.5), (3, 0.25), (4, 0.0)):
+        now = scheduled(nets, jnp.asarray(step)).config.adversary
+        np.testing.assert_allclose(now.potential_rate, share * config.adversary.potential_rate, rtol=1e-6)
+        np.testing.assert_allclose(now.learning_rate, (1 - step / 4) * config.adversary.learning_rate, rtol=1e-6)
+    held = scheduled(make_networks(SLIPPING, ROW, replace(config, lr_decay_iterations=0)), jnp.asarray(1)).config.adversary
+    assert held.potential_rate == 0.0 and held.learning_rate == config.adversary.learning_rate
 
 
 def test_the_papers_contrast_prior_is_refused():
