@@ -32,16 +32,17 @@ class Difference(NamedTuple):
 
 
 def lines(cells: Cells, rows: Sequence[str]) -> list[tuple[str, ...]]:
-    """Make a line for each reward and other row, with Holm's correction over all of them; none where ours is not there."""
+    """Make a line for each reward and other row, with Holm's correction within a column; none where ours is not there."""
     others = [row for row in rows if not row.startswith(CONTRAST)]
-    found = [
-        one for reward in REWARDS for row in others for column in COLUMNS if (one := _difference(cells, reward, row, column))
-    ]
-    adjusted = dict(zip([one[:3] for one in found], holm([one.p for one in found]) if found else [], strict=True))
     made = []
     for reward in REWARDS:
+        found, adjusted = [], {}
+        for column in COLUMNS:
+            of_column = [one for row in others if (one := _difference(cells, reward, row, column))]
+            found += of_column
+            adjusted |= dict(zip([one[:3] for one in of_column], holm([one.p for one in of_column]), strict=True))
         for row in others:
-            of_row = {one.column: one for one in found if one[:2] == (reward, row)}
+            of_row = {one.column: one for one in found if one.row == row}
             if of_row:
                 first = next(iter(of_row.values()))
                 shown = [

@@ -50,8 +50,8 @@ APART = "Here 1 is right for `S1` and `split` (below 1, f holds the constraint),
 POWER = """True M is how often the demonstrators, from where they were, would have entered the obstacle had it alone been
 ordinary to them: below about 2 nothing can be known of it. Obstacles found, of all with that M, are counted over seeds."""
 AGAINST = """`aircl_contrast` less the other row, of the means over the layouts that both have; in bold where p < 5 % after
-Holm's correction over the table. Rows with the same ten seeds, and the oracle, are compared pair by pair (Wilcoxon); rows with
-three seeds of their own by exchanging seeds between both, where no p is below 2/286 before the correction."""
+Holm's correction over the rows of a column, as in table1.md. Rows with the same ten seeds, and the oracle, are compared pair by
+pair (Wilcoxon); rows with seeds of their own by exchanging seeds between both: of three, no p is below 2/286 = .007."""
 CONTROLLED = f"""`{PLANNED}` on the default layout, ten fresh seeds: more demonstrations, cells that are only disliked (by 3
 temperatures a step, in place of the obstacles), and demonstrators that lapse (a share of their actions is uniformly random,
 into obstacles too). The other contrast row learns the same."""

@@ -37,7 +37,7 @@ def test_rows_with_our_seeds_are_compared_pair_by_pair_and_others_by_exchange():
     assert found["airl_centred"].mean == pytest.approx(both.mean() - 0.2)
 
 
-def test_lines_are_of_rows_that_have_the_column_with_holms_correction_over_all():
+def test_lines_are_of_rows_that_have_the_column_with_holms_correction_over_them():
     made = against.lines(CELLS, ["oracle", "aircl_contrast", "aircl_contrast planned", "bc", "airl_centred", "random"])
     assert [line[:4] for line in made] == [
         ("goal", "oracle", "default", "1"),
