@@ -15,8 +15,11 @@ install_import_hook(["aircl_jax", "envs"], "beartype.beartype")  # what it loads
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the fast tests with few optimisations, in two thirds of the time; the slow ones compile as a run does."""
+    import jax
+
     if config.option.markexpr == "not slow":
-        os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+        os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"  # of the processes that tests start: their bytes are compared
+        jax.config.update("jax_disable_most_optimizations", True)
 
 
 @pytest.fixture(scope="module")

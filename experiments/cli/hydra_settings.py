@@ -1,9 +1,10 @@
 """Generate the settings that Hydra composes from the library's dataclasses."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cache
+from itertools import product
 from typing import Any, Literal
 
 from hydra.core.config_store import ConfigStore
@@ -74,16 +75,31 @@ def store(name: str, node: Mapping[str, Any]) -> None:
 
 
 def register(argv: Sequence[str]) -> None:
-    """Put the settings of a run, and of the training of the environments that these words name, into Hydra's store.
+    """Put the settings of a run, and of the training that these words name, into Hydra's store.
 
     Hydra copies the whole store several times a command, for `--help` some sixty times.
     """
     _register_run()
-    chosen = [word for word in argv if word.startswith(("env=", "hydra"))]
-    plain_words = all(re.fullmatch(r"env=[\w,]+|hydra/launcher=\w+|hydra\.sweep\.dir=.*", word) for word in chosen)
-    for name in ENVS:
-        if name == DEFAULT_ENV or not plain_words or any(name in word for word in chosen):
-            _register_training(name)
+    every = ConfigStore.instance()
+    every.repo.pop("train", None)  # of an earlier command in this process
+    for env, choice in product(
+        _named("env", DEFAULT_ENV, ENVS, argv), _named("method", "default", ("default", *METHODS), argv)
+    ):
+        method = default_method(env) if choice == "default" else choice
+        train = plain(asdict(default_config(env, METHODS[method].settings)))
+        node = {"method": method, "iterations": train.pop("iterations"), "train": train}
+        every.store(group="train", name=f"{env}_{choice}", node=node, package="_global_")
+
+
+def _named(group: str, default: str, known: Iterable[str], argv: Sequence[str]) -> list[str]:
+    """List the default and what the words name, or all that is known where the words may name it in Hydra's own ways."""
+    words = [word for word in argv if re.match(rf"[+~]*{group}(?![.\w])|hydra", word)]
+    ours = re.compile(rf"{group}=([\w,]+)|hydra/launcher=\w+|hydra\.sweep\.dir=.*")
+    matched = [ours.fullmatch(word) for word in words]
+    if not all(matched):
+        return list(known)
+    named = {name for match in matched if match and match[1] for name in match[1].split(",")}
+    return [name for name in known if name == default or name in named]
 
 
 @cache
@@ -95,15 +111,6 @@ def _register_run() -> None:
     every.store(group="method", name="default", node={}, package="_global_")  # it comes with the training's settings
     for method in METHODS:
         every.store(group="method", name=method, node={"method": method}, package="_global_")
-
-
-@cache
-def _register_training(env: str) -> None:
-    for choice in ("default", *METHODS):
-        method = default_method(env) if choice == "default" else choice
-        train = plain(asdict(default_config(env, METHODS[method].settings)))
-        node = {"method": method, "iterations": train.pop("iterations"), "train": train}
-        ConfigStore.instance().store(group="train", name=f"{env}_{choice}", node=node, package="_global_")
 
 
 def choices(group: str, env: str) -> list[str]:

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
+from experiments.cli.hydra_settings import _named
 from experiments.run import main
 from tests.tiny_runs import SMALL
 from tests.worlds import command_module
 
+pytestmark = pytest.mark.usefixtures("no_figures")
 TINY = ["scale=smoke", "method=airl", "iterations=2", *SMALL]
 OWN = {
     "config.yaml",
@@ -128,6 +130,22 @@ def test_every_command_says_what_it_is_for(command, capsys):
         command_module(f"experiments.{command}").main(["--help"])
     assert ended.value.code == 0
     assert f"python -m experiments.{command}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((), "a"),
+        (("env=b", "env.size=3", "seeds=2", "hydra/launcher=joblib"), "ab"),
+        (("-m", "env=b,c", "method=d"), "abc"),
+        (("env=maze",), "a"),
+        (("-m", "env=glob(*)"), "abcd"),
+        (("+env=b",), "abcd"),
+        (("hydra.sweeper.params.env=b",), "abcd"),
+    ],
+)
+def test_only_what_the_words_name_is_registered_unless_they_may_name_anything(words, expected):
+    assert _named("env", "a", "abcd", words) == list(expected)
 
 
 def test_help_names_every_env_and_method(capsys):

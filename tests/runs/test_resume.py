@@ -85,10 +85,12 @@ def test_a_run_killed_at_several_moments_ends_with_the_same_bytes(uninterrupted,
     assert chunks == [2, 4, 6, 8, 10]  # none lost, none twice
 
 
-def test_a_longer_run_has_the_bytes_of_one_that_was_meant_to_be_longer(uninterrupted, tmp_path):
-    train(**SETTINGS, iterations=CHUNK + 1, run_dir=tmp_path / "run")
-    train(**SETTINGS, iterations=ITERATIONS, run_dir=tmp_path / "run", resume=True)
-    assert (tmp_path / "run" / METRICS).read_bytes() == (uninterrupted / METRICS).read_bytes()
+@pytest.mark.parametrize("settings", [FAST, pytest.param(SETTINGS, marks=pytest.mark.slow)], ids=["fast", "whole"])
+def test_a_longer_run_has_the_bytes_of_one_that_was_meant_to_be_longer(settings, tmp_path):
+    train(**settings, iterations=2 * CHUNK, run_dir=tmp_path / "whole")
+    train(**settings, iterations=CHUNK + 1, run_dir=tmp_path / "run")
+    train(**settings, iterations=2 * CHUNK, run_dir=tmp_path / "run", resume=True)
+    assert (tmp_path / "run" / METRICS).read_bytes() == (tmp_path / "whole" / METRICS).read_bytes()
 
 
 def test_an_interrupt_waits_for_the_chunk_and_saves_it(tmp_path):

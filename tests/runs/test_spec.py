@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 import envs
-from aircl_jax import METHODS, Result, train
+from aircl_jax import METHODS, train
 from aircl_jax.runs.spec import make_spec, read_spec
 from aircl_jax.settings.env_defaults import default_config
 from aircl_jax.settings.train_config import PPOConfig, TrainConfig
 from envs import make_env
 from envs.robots.factors import SwimmerBody, SwimmerMotors
 from envs.settings import at_least
+from tests.finished_runs import untrained
 
 GIVEN = {"contrast_prior": "method", "seeds": 1, "first_seed": 0, "iterations": 2, "demonstrations": "default"}
 SIMULATED = {"data": "simulated"}
@@ -84,8 +85,7 @@ def test_a_simulated_world_has_the_settings_of_its_kind():
 
 @pytest.mark.parametrize("method", ["bc", "gacl"])
 def test_a_method_without_a_learned_reward_has_none_to_ask_for(method):
-    quick = {"num_trajectories": 4, "num_demonstrations": 4, "num_evaluation": 4, "hidden": [4], "checkpoint_every": 1}
-    result: Result = train("gridworld", method, seeds=1, iterations=1, config=quick)
+    result = untrained(method)
     with pytest.raises(ValueError, match=f"method={method} learns no reward"):
         result.reward(jnp.zeros(result.spec.env.obs_size), jnp.asarray(0))
 

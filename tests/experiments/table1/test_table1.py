@@ -13,6 +13,7 @@ from experiments.table1 import cells
 from experiments.table1.cells import COLUMNS, ROWS, Job
 from tests.finished_runs import finished_cell
 
+pytestmark = pytest.mark.usefixtures("no_figures")
 SEEDS = 10
 
 
