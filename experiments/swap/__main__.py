@@ -118,7 +118,7 @@ def _grids(settings: Settings, rows: Sequence[str]) -> None:
 
 
 def _robot(settings: Settings, world: str, rows: Sequence[str]) -> None:
-    from experiments.swap import robot_cells
+    from experiments.swap import robot_cells, robot_controls
     from experiments.swap.robot_tests import TESTS
 
     study = robot_cells.Study(
@@ -128,6 +128,8 @@ def _robot(settings: Settings, world: str, rows: Sequence[str]) -> None:
         for test in TESTS[world]:
             if row not in ONLY_ON_GRIDS and robot_cells.applies(row, test):
                 robot_cells.cell(study, world, row, test)
+        for name in robot_controls.CONTROLS if row == robot_cells.CONTRAST and world in robot_controls.WORLDS else ():
+            robot_controls.cell(study, world, row, name)
 
 
 if __name__ == "__main__":

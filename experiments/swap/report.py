@@ -7,7 +7,7 @@ import numpy as np
 
 from aircl_jax.reports import markdown
 from experiments.shared.kept_files import keep
-from experiments.swap import against, controls, power
+from experiments.swap import against, controls, power, robot_controls
 from experiments.swap.figure import draw
 from experiments.swap.grid_cells import PLANNED, REWARDS
 from experiments.swap.robot_tests import TESTS
@@ -60,6 +60,10 @@ of r alone; its violations are a multiple of those of r alone. Fresh policies ha
 constraint 9300 and on; a learned seed serves one fresh seed."""
 
 
+LIMITED = """Demonstrations of experts by the learner of the swap tests, on the true reward. A limit is listed with its mean
+over the seeds that draw it, whose number is in brackets. Without a constraint none is right."""
+
+
 def write(out: Path, command: str) -> list[Path]:
     """Write the three files from the cells that are there; none where there is no cell."""
     cells = load(out)
@@ -105,6 +109,8 @@ def markdown_of(cells: Cells, command: str, picture: str) -> str:
             ]
             parts += [f"## {env}", ROBOTS, legend, markdown.table(head, body), "Returns of every seed of the oracle:"]
             parts.append(markdown.table(("test", "returns", "violations"), _oracle_rows(cells, env)))
+        if controlled := robot_controls.lines(cells, env, rows):
+            parts += ["### Controls", LIMITED, markdown.table(robot_controls.HEAD, controlled)]
     commits = sorted({cell["commit"] for cell in cells.values()})
     return markdown.paragraphs(*parts, f"Cells were made at {', '.join(commits)}.")
 

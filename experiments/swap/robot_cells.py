@@ -1,7 +1,7 @@
 """Cells of the swap table on robots: results/swap/ENV/ROW/TEST.json, made one after the other, skipped where they exist."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,18 +18,18 @@ from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import learner_config
 from aircl_jax.transfer import objectives
 from aircl_jax.transfer.fresh import Fresh
-from aircl_jax.transfer.swap import EPISODE_SEED, EPISODES, SwapResult, measure, recombine
-from aircl_jax.types import Trajectory
+from aircl_jax.transfer.swap import SwapResult, measure, recombine
 from envs import Env
 from experiments.shared.commits import current_commit
 from experiments.shared.kept_files import keep, read_kept
+from experiments.swap.playing import played, uniform
 from experiments.swap.robot_tests import Test
 
 CONTRAST = "aircl_contrast"
 ORACLE, UNIFORM, RANDOM, AS_IS = "oracle", "uniform", "random", " as it is"
 FIRST_SEED = 9000  # of fresh policies: no learned seed, no seed that a setting was chosen on
 FIRST_FREE_SEED = 9300  # of those without a constraint: earlier ones were spent on a defect (docs/learner.md)
-FIRST_LEARNED_SEED = 100  # of the contrast row: on earlier ones settings were chosen (docs/research.md)
+FIRST_LEARNED_SEED = 110  # of the contrast row: on earlier ones settings were chosen (docs/research.md)
 Cell = Mapping[str, Any]
 
 
@@ -85,7 +85,7 @@ def applies(row: str, test: Test) -> bool:
 def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:
     world = make_env(env, **test.settings)
     if row == UNIFORM:
-        return {"metrics": _uniform(world, study.oracle_seeds)}
+        return {"metrics": measure(played(world, uniform(world), study.oracle_seeds))}
     if row.endswith(AS_IS):
         return {"metrics": _as_it_is(_trained(study, env, row.removesuffix(AS_IS)), world)}
     config = learner_config(env, constrained=test.constrained)
@@ -130,16 +130,6 @@ def _trained(study: Study, env: str, method: str) -> Result:
     return train(env, method, seeds=study.seeds_of(method), first_seed=first, run_dir=directory, resume=True)
 
 
-def _uniform(world: Env, number: int) -> dict[str, list[float]]:
-    """Measure uniform actions in the box, in as many batches as there are seeds."""
-    space: Any = world.action_space
-
-    def act(obs: Array, t: Array, key: Array) -> Array:
-        return jax.random.uniform(key, space.shape, minval=space.low, maxval=space.high)
-
-    return measure(_played(world, act, number))
-
-
 def _as_it_is(result: Result, world: Env) -> dict[str, list[float]]:
     """Measure the learned policies in the world, without any further training."""
     per_seed = []
@@ -149,32 +139,8 @@ def _as_it_is(result: Result, world: Env) -> dict[str, list[float]]:
         def act(obs: Array, t: Array, key: Array, acting: BoundNetworks = acting) -> Array:
             return jnp.asarray(acting.policy(obs, t).sample(seed=key))
 
-        per_seed.append(measure(_played(world, act, 1)))
+        per_seed.append(measure(played(world, act, 1)))
     return {name: [value for seed in per_seed for value in seed[name]] for name in per_seed[0]}
-
-
-def _played(world: Env, act: Callable[[Array, Array, Array], Array], number: int) -> Trajectory:
-    """Draw `number` batches of EPISODES episodes, [B, N, T, …], of actions act(obs, t, key)."""
-
-    def episode(key: Array) -> Trajectory:
-        key_reset, key_steps = jax.random.split(key)
-
-        def step(carry: tuple, inputs: tuple[Array, Array]) -> tuple[tuple, Trajectory]:
-            (state, obs, alive), (t, key) = carry, inputs
-            key_action, key_world = jax.random.split(key)
-            action = act(obs, t, key_action)
-            state, outcome = world.step(key_world, state, action)
-            zero = jnp.zeros(())
-            taken = Trajectory(obs, action, zero, zero, outcome.reward, outcome.cost, alive, zero)
-            return (state, outcome.obs, alive * (1.0 - outcome.terminated)), taken
-
-        keys = jax.random.split(key_steps, world.horizon)
-        steps = (jnp.arange(world.horizon), keys)
-        return jax.lax.scan(step, (*world.reset(key_reset), jnp.ones(())), steps)[1]
-
-    keys = jax.random.split(jax.random.key(EPISODE_SEED), (number, EPISODES))
-    drawn = jax.jit(jax.vmap(jax.vmap(episode)))(keys)
-    return drawn._replace(bootstrap=drawn.bootstrap[..., 0])
 
 
 def _curve(swapped: SwapResult, points: int = 20) -> dict[str, list]:

@@ -22,17 +22,20 @@ class Weights(NamedTuple):
 def next_weights(
     weights: Weights, gap: Float[Array, " K"], step: Int[Array, ""], iterations: int, config: MomentConfig
 ) -> Weights:
-    """θ ← shrink(θ + α (E_E φ − E_π φ)), its norm at most B, and B from `sphere` iterations on.
+    """θ ← shrink(θ + α (E_E φ − E_π φ)), its norm at most B and never less than before, and B from `sphere` iterations on.
 
     shrink(θ)_k = θ_k max(0, 1 − α λ / |θ_k|), so that what explains nothing is 0; a θ that would vanish whole is not shrunk.
-    The gradient of Eq. 6 has no unit of time, so it is descended plainly: θ adds up the gaps. Without the fixed norm θ would
-    fall to 0 once the means agree.
+    The gradient of Eq. 6 has no unit of time, so it is descended plainly: θ adds up the gaps. Without the kept norm θ would
+    fall to 0 once the means agree, and chance would say where it goes next. α falls linearly to 0: π, whose rates fall too,
+    answers a change of θ ever later.
     """
-    moved = weights.now + config.rate * gap
-    shrunk = moved * jnp.maximum(0.0, 1.0 - config.rate * config.sparsity / jnp.maximum(jnp.abs(moved), 1e-12))
+    rate = config.rate * (1.0 - step / iterations)
+    moved = weights.now + rate * gap
+    shrunk = moved * jnp.maximum(0.0, 1.0 - rate * config.sparsity / jnp.maximum(jnp.abs(moved), 1e-12))
     now = jnp.where(jnp.linalg.norm(shrunk) > 1e-3, shrunk, moved)
-    size = config.norm / (jnp.linalg.norm(now) + 1e-9)
-    now = now * jnp.where(step >= config.sphere, size, jnp.minimum(1.0, size))
+    least = jnp.where(step >= config.sphere, config.norm, jnp.linalg.norm(weights.now))
+    size = jnp.linalg.norm(now) + 1e-9
+    now = now * jnp.clip(size, least, config.norm) / size
     first = config.averaged_from * iterations
     averaged = weights.mean + (now - weights.mean) / jnp.maximum(1.0, 1.0 + step - first)
     return Weights(now, jnp.where(step < first, now, averaged))

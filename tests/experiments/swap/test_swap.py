@@ -211,7 +211,7 @@ def test_policies_without_a_constraint_have_seeds_and_settings_of_their_own(monk
 def test_a_policy_as_it_is_is_that_of_the_run_without_the_words(monkeypatch, tmp_path):
     trained = []
     monkeypatch.setattr(robot_cells, "_trained", lambda study, env, method: trained.append(method) or RESULT)
-    monkeypatch.setattr(robot_cells, "_played", lambda world, act, number: (act, number))
+    monkeypatch.setattr(robot_cells, "played", lambda world, act, number: (act, number))
     monkeypatch.setattr(robot_cells, "measure", lambda played: {"return": [float(len(trained) + played[1])]})
     cell = robot_cells.cell(study(tmp_path), "swimmer", "bc as it is", NAMED["S0"])
     assert trained == ["bc"]
