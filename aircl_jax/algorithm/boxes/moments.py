@@ -26,12 +26,10 @@ def next_weights(
 
     shrink(θ)_k = θ_k max(0, 1 − α λ / |θ_k|), so that what explains nothing is 0; a θ that would vanish whole is not shrunk.
     The gradient of Eq. 6 has no unit of time, so it is descended plainly: θ adds up the gaps. Without the kept norm θ would
-    fall to 0 once the means agree, and chance would say where it goes next. α falls linearly to 0: π, whose rates fall too,
-    answers a change of θ ever later.
+    fall to 0 once the means agree, and chance would say where it goes next.
     """
-    rate = config.rate * (1.0 - step / iterations)
-    moved = weights.now + rate * gap
-    shrunk = moved * jnp.maximum(0.0, 1.0 - rate * config.sparsity / jnp.maximum(jnp.abs(moved), 1e-12))
+    moved = weights.now + config.rate * gap
+    shrunk = moved * jnp.maximum(0.0, 1.0 - config.rate * config.sparsity / jnp.maximum(jnp.abs(moved), 1e-12))
     now = jnp.where(jnp.linalg.norm(shrunk) > 1e-3, shrunk, moved)
     least = jnp.where(step >= config.sphere, config.norm, jnp.linalg.norm(weights.now))
     size = jnp.linalg.norm(now) + 1e-9
