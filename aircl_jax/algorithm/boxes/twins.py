@@ -31,6 +31,7 @@ from envs.robots.practice_worlds import bounded, restarting, weakened
 
 ASKED = 5  # demonstrated trajectories in whose states the twin is asked each iteration
 WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
+MOST_CHARGED = 10.0  # of a step, where the line is 1
 LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
 _NO_REPLAY: Any = None  # no term of the row has negatives
 
@@ -187,10 +188,14 @@ def limits_of_motors(nets: BoundNetworks, bound: Float[Array, ""]) -> tuple[Floa
 
 
 def beyond(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]:
-    """1 at each step with δ₁ < ½."""
+    """−log₂ δ₁ at each step with δ₁ < ½, at most `MOST_CHARGED`, and else 0: 1 on the line, and more the further beyond.
+
+    A charge that is the same everywhere beyond would tell a policy whose every action lies there nothing.
+    """
     scores = jax.vmap(nets.feasibility_scores)(trajectories)
     delta = log_step_feasibility(nets.method, nets.config.coefficients, scores)
-    return (delta < jnp.log(FORBIDDEN_BELOW)).astype(jnp.float32) * trajectories.mask
+    charged = jnp.minimum(-delta / jnp.log(2.0), MOST_CHARGED)
+    return jnp.where(delta < jnp.log(FORBIDDEN_BELOW), charged, 0.0) * trajectories.mask
 
 
 def _box(env: Env) -> Box:

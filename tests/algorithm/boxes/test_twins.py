@@ -14,6 +14,7 @@ from aircl_jax.algorithm.boxes import action_limits, twins
 from aircl_jax.algorithm.measures import FINITE
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.methods import get_method
+from aircl_jax.model.features import LIMIT_SLOPE
 from aircl_jax.settings.train_config import Coefficients, MomentConfig, PPOConfig, TrainConfig
 from envs import Box, Env, Step, make_env
 from tests.finished_runs import random_episodes
@@ -174,9 +175,12 @@ def test_what_lies_beyond_a_limit_is_charged_and_what_is_masked_is_not():
         feasibility={"step": {"params": {"lower": jnp.array([-0.2]), "upper": jnp.array([0.5])}}}
     )
     stats = ran()[0][0].obs_stats
-    action = jnp.array([[[0.4], [0.6]], [[-0.3], [0.9]]])
-    taken = jax.tree.map(lambda leaf: leaf[:2], expert)._replace(action=action, mask=jnp.array([[1.0, 1.0], [1.0, 0.0]]))
-    np.testing.assert_array_equal(twins.beyond(nets.bind(params, stats), taken), [[0.0, 1.0], [1.0, 0.0]])
+    action = jnp.array([[[0.4], [0.6]], [[-0.3], [0.9]], [[0.5001], [0.9]]])
+    mask = jnp.array([[1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    taken = jax.tree.map(lambda leaf: leaf[:3], expert)._replace(action=action, mask=mask)
+    by_a_tenth = np.log2(1 + np.exp(LIMIT_SLOPE * 0.1))
+    expected = [[0.0, by_a_tenth], [by_a_tenth, 0.0], [np.log2(1 + np.exp(LIMIT_SLOPE * 1e-4)), twins.MOST_CHARGED]]
+    np.testing.assert_allclose(twins.beyond(nets.bind(params, stats), taken), expected, rtol=5e-3)
 
 
 def test_every_number_of_a_step_is_finite():
