@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from envs.layouts import LAYOUTS
-from envs.robots.factors import BodyOptions, PendulumBody, SwimmerBody, WalkerBody
+from envs.robots.factors import BodyOptions, HalfCheetahBody, HopperBody, PendulumBody, SwimmerBody, WalkerBody
 
 LONGEST = 100_000  # steps of an episode: rounds of longer ones fit into no memory
 STEP_PRICE = -3.0  # of a step outside the goal, where the reward is of the goal
@@ -107,6 +107,16 @@ class SwimmerOptions(RobotOptions):
 @dataclass(frozen=True)
 class WalkerOptions(RobotOptions):
     body: WalkerBody = field(default_factory=WalkerBody)
+
+
+@dataclass(frozen=True)
+class HalfCheetahOptions(RobotOptions):
+    body: HalfCheetahBody = field(default_factory=HalfCheetahBody)
+
+
+@dataclass(frozen=True)
+class HopperOptions(RobotOptions):
+    body: HopperBody = field(default_factory=HopperBody)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,8 @@ ENVS: dict[str, EnvRow] = {
     "nonmarkov": EnvRow(options.NonMarkovOptions, "envs.gridworld:make_nonmarkov"),
     "swimmer": EnvRow(options.SwimmerOptions, "envs.robots.robot:make_swimmer"),
     "walker": EnvRow(options.WalkerOptions, "envs.robots.robot:make_walker"),
+    "halfcheetah": EnvRow(options.HalfCheetahOptions, "envs.robots.robot:make_halfcheetah"),
+    "hopper": EnvRow(options.HopperOptions, "envs.robots.robot:make_hopper"),
     "pendulum": EnvRow(options.PendulumOptions, "envs.robots.robot:make_pendulum"),
     "meerkat": EnvRow(options.MeerkatOptions, "envs.animals.meerkat:make_meerkat"),
     "labyrinth": EnvRow(options.LabyrinthOptions, "envs.animals.labyrinth:make_labyrinth"),

@@ -2,7 +2,7 @@
 
 Settings, as NAME=VALUE (bad input prints one line on standard error and exits with 2):
 
-bodies  all, or some of swimmer, walker and pendulum, with commas between
+bodies  all, or some of swimmer, walker, halfcheetah, hopper and pendulum, with commas between
 mjx     true adds the engine mjx, which compiles for minutes
 """
 
@@ -19,7 +19,7 @@ from aircl_jax.reports import markdown
 from experiments.cli.command import run_command
 from experiments.cli.words import listed
 
-BODIES = ("swimmer", "walker", "pendulum")
+BODIES = ("swimmer", "walker", "halfcheetah", "hopper", "pendulum")
 ENVS_AT_ONCE, STEPS, REPEATS = 500, 100, 5
 OPEN_LOOP = 50  # control steps
 HEAD = ("body", "engine", "integrator", "env steps/s, best (median)", "compile s", "|Δqpos| from fine RK4 after 50 steps")

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax.algorithm.learners.lagrangian import Lagrangian, LagrangianState, bound
 from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.experts.config import GROUP
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.seeds import SEED, over_seeds, seed_keys, spread
 from aircl_jax.types import Metrics, Trajectory
@@ -31,7 +32,6 @@ class Group:
     source: str  # expert or free (unconstrained)
     mean: float = 1.0
     noise: float = 1.0
-    number: int = 20
 
 
 REFERENCE: dict[str, Group] = {
@@ -43,14 +43,14 @@ REFERENCE: dict[str, Group] = {
     "expert, actions × 1.3": Group("expert", mean=1.3),
     "unconstrained expert": Group("free"),
 }
-MORE = Group("free", number=40)  # drawn in addition where violations are too rare
+MORE = 2  # times as many of the unconstrained expert are added where violations are too rare
 
 
 class Runner(NamedTuple):
-    """`init() -> states [S, …]`; `run_chunk(states, length) -> (states, {metric: [length, S]})`."""
+    """`init() -> states [S, …]`, of either learner; `run_chunk(states, length) -> (states, {metric: [length, S]})`."""
 
-    init: Callable[[], LagrangianState]
-    run_chunk: Callable[[LagrangianState, int], tuple[LagrangianState, Metrics]]
+    init: Callable[[], Any]
+    run_chunk: Callable[[Any, int], tuple[Any, Metrics]]
 
 
 def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequence[bool]) -> Runner:
@@ -146,24 +146,31 @@ def clean_episodes(draw: Sampler, state: LagrangianState, key: PRNGKeyArray, num
 
 
 def reference_set(
-    draw: Sampler, expert: LagrangianState, free: LagrangianState, key: PRNGKeyArray
+    draw: Sampler, expert: LagrangianState, free: LagrangianState, key: PRNGKeyArray, number: int = GROUP
 ) -> tuple[Trajectory, dict[str, EpisodeMeasures]]:
-    """Draw REFERENCE's groups one after the other, [M, T, …]. ValueError where a label is too rare."""
+    """Draw `number` episodes of each of REFERENCE's groups, in order, [M, T, …]. ValueError where a label is too rare."""
     sources = {"expert": expert, "free": free}
 
-    def episodes(index: int, group: Group) -> Trajectory:
+    def episodes(index: int, group: Group, number: int) -> Trajectory:
         source = sources[group.source]
         state = source._replace(policy=altered(source.policy, group.mean, group.noise))
-        return draw(state, jax.random.fold_in(key, index), group.number)
+        return draw(state, jax.random.fold_in(key, index), number)
 
-    parts = {name: episodes(i, group) for i, (name, group) in enumerate(REFERENCE.items())}
+    parts = {name: episodes(i, group, number) for i, (name, group) in enumerate(REFERENCE.items())}
     if measure(_joined(parts.values())).clean_share > 1 - LEAST_LABEL:
-        parts[f"unconstrained expert, {MORE.number} more"] = episodes(len(parts), MORE)
+        parts[f"unconstrained expert, {MORE * number} more"] = episodes(len(parts), Group("free"), MORE * number)
     whole, of_groups = _joined(parts.values()), {name: measure(part) for name, part in parts.items()}
     clean = measure(whole).clean_share
     if not LEAST_LABEL <= clean <= 1 - LEAST_LABEL:
         raise ValueError(f"{clean:.0%} of the reference set are feasible; at least {LEAST_LABEL:.0%} of each are needed")
     return whole, of_groups
+
+
+def free_episodes(reference: Trajectory, groups: int) -> Trajectory:
+    """Take the unconstrained expert's episodes, the last ones, out of a reference set of that many groups."""
+    shares = len(REFERENCE) + (MORE if groups > len(REFERENCE) else 0)
+    start = len(reference.mask) // shares * (len(REFERENCE) - 1)
+    return jax.tree.map(lambda leaf: leaf[start:], reference)
 
 
 def _joined(parts: Iterable[Trajectory]) -> Trajectory:

@@ -40,6 +40,8 @@ PAPER: dict[str, TrainConfig] = {
     "nonmarkov": _GRID,
     "swimmer": _ROBOT,
     "walker": _ROBOT,
+    "halfcheetah": _ROBOT,
+    "hopper": _ROBOT,
     "pendulum": _PENDULUM,
     "meerkat": _ANIMALS,
     "labyrinth": _ANIMALS,
@@ -139,22 +141,29 @@ _CONTRAST_ROBOT = replace(
 STEPS_OF_ROBOTS = 500  # the shipped robots' horizon
 
 
+_CONTRAST_WALKER = replace(_CONTRAST_ROBOT, iterations=500, feasibility_delay=200, lr_decay_iterations=525)
+
+
 # What the contrast rows run with. On the non-Markov grid the feasibility is the corrected row's.
 CONTRAST: dict[str, TrainConfig] = {
     "gridworld": _CONTRAST_GRID,
     "nonmarkov": _TUNED_NONMARKOV,
     "swimmer": _CONTRAST_ROBOT,
-    "walker": replace(_CONTRAST_ROBOT, iterations=500, feasibility_delay=200, lr_decay_iterations=525),
+    "walker": _CONTRAST_WALKER,
+    "halfcheetah": _CONTRAST_WALKER,
+    "hopper": _CONTRAST_WALKER,
     "pendulum": replace(_CONTRAST_ROBOT, num_trajectories=80),
 }
 
 
-# What the centred and corrected rows run with.
+# What the centred and corrected rows run with. Half-cheetah and hopper have the walker's settings: none was chosen on them.
 TUNED: dict[str, TrainConfig] = {
     "gridworld": _TUNED_GRID,
     "nonmarkov": _TUNED_NONMARKOV,
     "swimmer": _tuned_robot(_ROBOT),
     "walker": _TUNED_WALKER,
+    "halfcheetah": _TUNED_WALKER,
+    "hopper": _TUNED_WALKER,
     "pendulum": _tuned_robot(_PENDULUM),
     "meerkat": _TUNED_ANIMALS,
     "labyrinth": _TUNED_ANIMALS,

@@ -28,6 +28,7 @@ class LearnerConfig:
     stray_cost: float = 0.0  # of a step after which the world starts anew, in standard deviations of the reward
     restart: bool = False  # practise with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
     fall_cost: float = 1.0  # cost of a fall in practice
+    motor_limit: float = 0.0  # constrained seeds practise with motors that stop there; asking for more costs; 0: no stop
     ppo: PPOConfig = field(
         default_factory=lambda: PPOConfig(
             learning_rate=3e-3,

@@ -25,7 +25,7 @@ class Constraint:
     violated: Predicate
     limit: float
     of: Literal["state", "state_action"] = "state"  # what the predicate reads
-    task: Literal["forward", "wall"] = "forward"  # wall: x is observed and |Δx| is rewarded (swimmer, walker)
+    task: Literal["forward", "wall"] = "forward"  # wall: x is observed and |Δx| is rewarded (but for the pendulum)
     bounds: int | Literal["actions"] | None = None  # what figures draw `limit` across: qpos[bounds], or every |action|
 
 
@@ -40,7 +40,7 @@ def x_above(qpos: Float[Array, " Q"], action: Float[Array, " A"], limit: float) 
 
 
 def x_below(qpos: Float[Array, " Q"], action: Float[Array, " A"], limit: float) -> Bool[Array, ""]:
-    """x < limit, in metres (ICRL benchmark, the blocked walker and InvertedPendulumWall)."""
+    """x < limit, in metres (ICRL benchmark, the blocked walker, half-cheetah and InvertedPendulumWall)."""
     return qpos[0] < limit
 
 
@@ -53,15 +53,21 @@ CONSTRAINTS: dict[str, dict[str, Constraint]] = {
     "torque": {
         "swimmer": Constraint(torque_above, limit=0.5, of="state_action", bounds="actions"),
         "walker": Constraint(torque_above, limit=0.5, of="state_action", bounds="actions"),
+        "halfcheetah": Constraint(torque_above, limit=0.5, of="state_action", bounds="actions"),
+        "hopper": Constraint(torque_above, limit=0.5, of="state_action", bounds="actions"),
     },
     "position": {
         "swimmer": Constraint(x_above, limit=0.5, task="wall", bounds=0),
         "walker": Constraint(x_below, limit=-3.0, task="wall", bounds=0),
+        "halfcheetah": Constraint(x_below, limit=-3.0, task="wall", bounds=0),
+        "hopper": Constraint(x_below, limit=-3.0, task="wall", bounds=0),
         "pendulum": Constraint(x_below, limit=-0.015, task="wall", bounds=0),
     },
     "none": {
         "swimmer": Constraint(never, limit=0.0),
         "walker": Constraint(never, limit=0.0),
+        "halfcheetah": Constraint(never, limit=0.0),
+        "hopper": Constraint(never, limit=0.0),
         "pendulum": Constraint(never, limit=0.0),
     },
 }

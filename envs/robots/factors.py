@@ -4,7 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-FEET = 0.1  # m, height of the axes of the walker's feet at rest
+from envs.robots.planar.chain import CAPSULE
+
+FEET = 0.1  # m, height of the axes of the feet of walker and hopper at rest
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,43 @@ class WalkerBody(BodyOptions):
 
 
 @dataclass(frozen=True)
+class HalfCheetahMotors(Motors):
+    hip_back: float = 1.0
+    knee_back: float = 1.0
+    ankle_back: float = 1.0
+    hip_front: float = 1.0
+    knee_front: float = 1.0
+    ankle_front: float = 1.0
+
+
+@dataclass(frozen=True)
+class HalfCheetahBody(BodyOptions):
+    """The half-cheetah's factors; `gear` and a motor's own in `gears` multiply. The springs in its joints stay."""
+
+    length: float = 1.0  # of the links, and of the height at which it starts; radii and density stay, so that mass grows too
+    gears: HalfCheetahMotors = field(default_factory=HalfCheetahMotors)
+
+
+@dataclass(frozen=True)
+class HopperMotors(Motors):
+    hip: float = 1.0
+    knee: float = 1.0
+    ankle: float = 1.0
+
+
+@dataclass(frozen=True)
+class HopperBody(BodyOptions):
+    """The hopper's factors; `gear` and a motor's own in `gears` multiply.
+
+    With `length` it starts as high above the floor as before, measured at its sole, and it is healthy at heights
+    (above 0.7 m) times that factor.
+    """
+
+    length: float = 1.0  # of the links; their radii and density stay, so that mass grows too
+    gears: HopperMotors = field(default_factory=HopperMotors)
+
+
+@dataclass(frozen=True)
 class PendulumBody(BodyOptions):
     """The pendulum's factors. It has one motor, so `gear` is that one's."""
 
@@ -98,7 +137,7 @@ def _length(spec: Any, factor: float) -> None:
     for part in (*spec.bodies, *spec.joints):
         part.pos = factor * part.pos
     for joint in spec.joints:
-        if joint.ref:  # the walker's height above the floor
+        if joint.ref:  # the height of walker and hopper above the floor
             joint.ref = factor * (joint.ref - FEET) + FEET
             joint.parent.pos = [0, 0, joint.ref]
 
@@ -109,7 +148,10 @@ def _pole(spec: Any, factor: float) -> None:
 
 def _stretch(geoms: Any, factor: float) -> None:
     for geom in geoms:
-        geom.fromto = factor * geom.fromto  # NaN, and so nothing, for what is no link
+        if int(geom.type) == CAPSULE:
+            geom.fromto = factor * geom.fromto  # NaN, and so nothing, for a link that is given by its middle, as below
+            geom.pos = factor * geom.pos
+            geom.size[1] *= factor
 
 
 def _viscosity(spec: Any, factor: float) -> None:

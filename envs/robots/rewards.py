@@ -4,34 +4,47 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from envs.options import RobotOptions
-from envs.robots.tasks import RobotState, Task, balanced, upright
+from envs.robots.tasks import RobotState, Task, balanced, gained, hop, hopping, run, swim, upright, walk
 
 Action = Float[Array, " A"]
 Scalar = Float[Array, ""]
 Aimed = Callable[[RobotState, RobotState, Action, float, float], Scalar]
 
 
-def swim_back(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
-    """−Δx/dt − 1e-4‖a‖²."""
-    return -_gained(before, after) / dt - 1e-4 * (action**2).sum()
+def backwards(forward: Callable[..., Scalar]) -> Aimed:
+    """Pay the task's reward as if x ran the other way: −Δx/dt, the rest as it is."""
+
+    def reward(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
+        return forward(_at(-before.qpos[0], before), _at(-after.qpos[0], after), action, dt)
+
+    return reward
 
 
-def walk_back(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
-    """−Δx/dt + 1 while upright − 1e-3‖a‖²."""
-    return -_gained(before, after) / dt + upright(after) - 1e-3 * (action**2).sum()
+def nearer(forward: Callable[..., Scalar]) -> Aimed:
+    """Pay the task's reward for coming nearer to the target: (|x − target| − |x′ − target|)/dt, the rest as it is."""
+
+    def reward(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
+        distances = (jnp.abs(state.qpos[0] - target) for state in (before, after))
+        return forward(*(_at(-distance, state) for distance, state in zip(distances, (before, after), strict=True)), action, dt)
+
+    return reward
 
 
-def float_still(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
+def stay(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
     """−|Δx|/dt."""
-    return -jnp.abs(_gained(before, after)) / dt
+    return -jnp.abs(gained(before, after)) / dt
 
 
-def stand(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
-    """1 while upright − 1e-3‖a‖²."""
-    return upright(after) - 1e-3 * (action**2).sum()
+def stand(healthy: Callable[[RobotState], Bool[Array, ""]]) -> Aimed:
+    """Pay 1 while healthy, less 1e-3‖a‖²."""
+
+    def reward(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
+        return healthy(after) - 1e-3 * (action**2).sum()
+
+    return reward
 
 
 def balance(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
@@ -39,33 +52,27 @@ def balance(before: RobotState, after: RobotState, action: Action, dt: float, ta
     return balanced(after).astype(jnp.float32)
 
 
-def swim_to(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
-    """(|x − target| − |x′ − target|)/dt − 1e-4‖a‖²."""
-    return _nearer(before, after, target) / dt - 1e-4 * (action**2).sum()
-
-
-def walk_to(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
-    """(|x − target| − |x′ − target|)/dt + 1 while upright − 1e-3‖a‖²."""
-    return _nearer(before, after, target) / dt + upright(after) - 1e-3 * (action**2).sum()
-
-
 def balance_at(before: RobotState, after: RobotState, action: Action, dt: float, target: float) -> Scalar:
     """1 at the target, 0 a metre away and beyond, linear between; 0 once fallen."""
     return balanced(after) * jnp.maximum(1 - jnp.abs(after.qpos[0] - target), 0.0)
 
 
-def _gained(before: RobotState, after: RobotState) -> Scalar:
-    return after.qpos[0] - before.qpos[0]
+def _at(x: Scalar, state: RobotState) -> RobotState:
+    return state._replace(qpos=state.qpos.at[0].set(x))
 
 
-def _nearer(before: RobotState, after: RobotState, target: float) -> Scalar:
-    return jnp.abs(before.qpos[0] - target) - jnp.abs(after.qpos[0] - target)
-
+_FORWARD: dict[str, Callable[..., Scalar]] = {"swimmer": swim, "walker": walk, "halfcheetah": run, "hopper": hop}
 
 REWARDS: dict[str, dict[str, Aimed]] = {
-    "backwards": {"swimmer": swim_back, "walker": walk_back},
-    "stand": {"swimmer": float_still, "walker": stand, "pendulum": balance},
-    "target": {"swimmer": swim_to, "walker": walk_to, "pendulum": balance_at},
+    "backwards": {body: backwards(forward) for body, forward in _FORWARD.items()},
+    "stand": {
+        "swimmer": stay,
+        "walker": stand(upright),
+        "halfcheetah": stay,
+        "hopper": stand(hopping),
+        "pendulum": balance,
+    },
+    "target": {body: nearer(forward) for body, forward in _FORWARD.items()} | {"pendulum": balance_at},
 }
 
 

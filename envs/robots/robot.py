@@ -1,4 +1,4 @@
-"""Swimmer, walker and pendulum: one adapter over the rows of `envs.robots.tasks.ROBOTS` (docs/physics.md)."""
+"""Robots: one adapter over the rows of `envs.robots.tasks.ROBOTS` (docs/physics.md)."""
 
 import contextlib
 import importlib
@@ -40,6 +40,16 @@ def make_swimmer(options: RobotOptions) -> Env:
 def make_walker(options: RobotOptions) -> Env:
     """Make the two-legged walker. Raises ValueError on a wrong setting."""
     return _make("walker", options)
+
+
+def make_halfcheetah(options: RobotOptions) -> Env:
+    """Make the half-cheetah, which runs on two legs in a plane. Raises ValueError on a wrong setting."""
+    return _make("halfcheetah", options)
+
+
+def make_hopper(options: RobotOptions) -> Env:
+    """Make the one-legged hopper. Raises ValueError on a wrong setting."""
+    return _make("hopper", options)
 
 
 def make_pendulum(options: RobotOptions) -> Env:

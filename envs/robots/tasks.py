@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from envs.base import Box
-from envs.robots.bodies import PENDULUM, SWIMMER, WALKER, Body
+from envs.robots.bodies import HALFCHEETAH, HOPPER, PENDULUM, SWIMMER, WALKER, Body
 
 
 class RobotState(NamedTuple):
@@ -44,8 +44,13 @@ def swimmer_view(state: RobotState) -> Float[Array, " O"]:
     return jnp.concatenate([state.qpos[2:], state.qvel])
 
 
-def walker_view(state: RobotState) -> Float[Array, " O"]:
-    """All but x, velocities clipped to ±10 (Gymnasium, Walker2d)."""
+def all_but_x(state: RobotState) -> Float[Array, " O"]:
+    """All but x (Gymnasium, HalfCheetah)."""
+    return jnp.concatenate([state.qpos[1:], state.qvel])
+
+
+def legged_view(state: RobotState) -> Float[Array, " O"]:
+    """All but x, velocities clipped to ±10 (Gymnasium, Walker2d and Hopper)."""
     return jnp.concatenate([state.qpos[1:], jnp.clip(state.qvel, -10.0, 10.0)])
 
 
@@ -58,6 +63,12 @@ def upright(state: RobotState) -> Bool[Array, ""]:
     return (state.qpos[1] > 0.8) & (state.qpos[1] < 2.0) & (jnp.abs(state.qpos[2]) < 1.0)
 
 
+def hopping(state: RobotState) -> Bool[Array, ""]:
+    """z > 0.7 m, |pitch| < 0.2 rad, and all but x and z within ±100 (Gymnasium, Hopper)."""
+    sane = (jnp.abs(jnp.concatenate([state.qpos[2:], state.qvel])) < 100.0).all()
+    return (state.qpos[1] > 0.7) & (jnp.abs(state.qpos[2]) < 0.2) & sane
+
+
 def balanced(state: RobotState) -> Bool[Array, ""]:
     """|tilt| ≤ 0.2 rad (Gymnasium, InvertedPendulum)."""
     return jnp.abs(state.qpos[1]) <= 0.2
@@ -65,22 +76,47 @@ def balanced(state: RobotState) -> Bool[Array, ""]:
 
 def swim(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
     """Δx/dt − 1e-4‖a‖² (Gymnasium, Swimmer)."""
-    return (after.qpos[0] - before.qpos[0]) / dt - 1e-4 * (action**2).sum()
+    return gained(before, after) / dt - 1e-4 * (action**2).sum()
 
 
 def swim_either_way(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
     """|Δx|/dt − 1e-4‖a‖² (ICRL benchmark, the blocked swimmer)."""
-    return jnp.abs(after.qpos[0] - before.qpos[0]) / dt - 1e-4 * (action**2).sum()
+    return jnp.abs(gained(before, after)) / dt - 1e-4 * (action**2).sum()
+
+
+def run(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
+    """Δx/dt − 0.1‖a‖² (Gymnasium, HalfCheetah)."""
+    return gained(before, after) / dt - 0.1 * (action**2).sum()
+
+
+def run_either_way(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
+    """|Δx|/dt − 0.1‖a‖² (ICRL benchmark, the blocked half-cheetah)."""
+    return jnp.abs(gained(before, after)) / dt - 0.1 * (action**2).sum()
 
 
 def walk(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
     """Δx/dt + 1 while upright − 1e-3‖a‖² (Gymnasium, Walker2d)."""
-    return (after.qpos[0] - before.qpos[0]) / dt + upright(after) - 1e-3 * (action**2).sum()
+    return gained(before, after) / dt + upright(after) - 1e-3 * (action**2).sum()
 
 
 def walk_either_way(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
     """|Δx|/dt + 1 while upright − 1e-3‖a‖² (ICRL benchmark, the blocked walker)."""
-    return jnp.abs(after.qpos[0] - before.qpos[0]) / dt + upright(after) - 1e-3 * (action**2).sum()
+    return jnp.abs(gained(before, after)) / dt + upright(after) - 1e-3 * (action**2).sum()
+
+
+def hop(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
+    """Δx/dt + 1 while hopping − 1e-3‖a‖² (Gymnasium, Hopper)."""
+    return gained(before, after) / dt + hopping(after) - 1e-3 * (action**2).sum()
+
+
+def hop_either_way(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
+    """|Δx|/dt + 1 while hopping − 1e-3‖a‖²."""
+    return jnp.abs(gained(before, after)) / dt + hopping(after) - 1e-3 * (action**2).sum()
+
+
+def gained(before: RobotState, after: RobotState) -> Float[Array, ""]:
+    """Δx in metres."""
+    return after.qpos[0] - before.qpos[0]
 
 
 def stay_left(before: RobotState, after: RobotState, action: Float[Array, " A"], dt: float) -> Float[Array, ""]:
@@ -112,7 +148,18 @@ ROBOTS: dict[str, Robot] = {
     "walker": Robot(
         WALKER,
         Box(6),
-        {"forward": Task(walker_view, walk, upright), "wall": Task(everything, walk_either_way, upright)},
+        {"forward": Task(legged_view, walk, upright), "wall": Task(everything, walk_either_way, upright)},
+        height=1,
+    ),
+    "halfcheetah": Robot(
+        HALFCHEETAH,
+        Box(6),
+        {"forward": Task(all_but_x, run, always), "wall": Task(everything, run_either_way, always)},
+    ),
+    "hopper": Robot(
+        HOPPER,
+        Box(3),
+        {"forward": Task(legged_view, hop, hopping), "wall": Task(everything, hop_either_way, hopping)},
         height=1,
     ),
     "pendulum": Robot(PENDULUM, Box(1, -3.0, 3.0), {"forward": _STAY_LEFT, "wall": _STAY_LEFT}),

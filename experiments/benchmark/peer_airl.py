@@ -21,8 +21,8 @@ ROUNDS = 3  # rounds of training; the first one warms up and is left out
 
 def make_env(name: str, horizon: int) -> Any:
     """Make Gymnasium's body with a fixed horizon, which imitation needs."""
-    free = {} if name == "Swimmer-v4" else {"terminate_when_unhealthy": False}
-    world = gymnasium.make(name, max_episode_steps=horizon, **({} if name == "InvertedPendulum-v4" else free))
+    free = {"terminate_when_unhealthy": False} if name in ("Walker2d-v4", "Hopper-v4") else {}
+    world = gymnasium.make(name, max_episode_steps=horizon, **free)
     return FixedHorizon(world) if name == "InvertedPendulum-v4" else world
 
 

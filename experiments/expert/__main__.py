@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from aircl_jax.experts.config import EXPERTS, expert_config
+from aircl_jax.experts.config import EXPERTS, GROUP, expert_config
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
+from aircl_jax.settings.learner_config import LearnerConfig
 from envs import ENVS
 from envs.options import RobotOptions
 from envs.registry import build, options_of
@@ -16,22 +17,25 @@ from envs.settings import at_least, plain, updated
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import QUIET, hydra_node, store
 
-HELP = f"""Train experts by PPO-Lagrangian and write demonstrations and a reference set.
+HELP = f"""Train experts and write demonstrations and a reference set.
 
   python -m experiments.expert env=swimmer
   python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
 
-env          swimmer, walker or pendulum; env.NAME=VALUE changes a setting of it. Tuned are {", ".join(EXPERTS)}
+env          a robot; env.NAME=VALUE changes a setting of it. {", ".join(EXPERTS)} are trained by PPO-Lagrangian,
+             every other task by the learner of the swap tests
 seeds        number of experts under the constraint, from first_seed on; free_seeds: number of those without it, which follow
 iterations   number of iterations; the learning rate falls to 0 at the last one
 run_dir      folder of the run; resume=true continues a run that is there, overwrite=true starts again
 episodes     number of demonstrations to write; none of them violates
+reference    number of episodes of each of the reference set's seven groups
 out          folder of the two files, ENV_CONSTRAINT.npz and ENV_CONSTRAINT_reference.npz; run_dir by default
-train        settings of PPO-Lagrangian, as in train.ppo.learning_rate=0.001; default: those of the task's row
+train        settings of the learner, as in train.ppo.learning_rate=0.001; default: those of the task
 
 $CONFIG
 """
 DEFAULT = "default"
+OF_CANDIDATES = ("candidates", "trial")  # an expert's seeds are its candidates
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,7 @@ class ExpertSettings:
     iterations: int | Literal["default"] = "default"
     run_dir: str = "runs/expert/${hydra:runtime.choices.env}_${env.constraint}"
     episodes: int = 50
+    reference: int = GROUP
     out: str = "${run_dir}"
     resume: bool = False
     overwrite: bool = False
@@ -57,9 +62,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def register() -> None:
     """Put the settings of an expert's training into Hydra's store, beside those of the environments."""
+    settings = _all_default(LearnerConfig()) | _all_default(LagrangianConfig())
     node = {
         **asdict(ExpertSettings()),
-        "train": _all_default(LagrangianConfig()),
+        "train": {name: value for name, value in settings.items() if name not in OF_CANDIDATES},
         "defaults": _DEFAULTS,
         "hydra": hydra_node("experiments.expert", HELP),
     }
@@ -74,10 +80,11 @@ def train(composed: Composed) -> None:
         raise ValueError(f"env={name} has no expert to train; choose from {', '.join(robots)}")
     env_values, train_values = values.pop("env"), values.pop("train")
     settings = updated(ExpertSettings(), values)
-    for field in ("seeds", "free_seeds", "episodes"):
+    for field in ("seeds", "free_seeds", "episodes", "reference"):
         at_least(field, getattr(settings, field), 1)
     options = options_of(name, env_values)
-    tuned = updated(expert_config(name, options.constraint), _given(train_values), "train")
+    env = build(name, options)
+    tuned = updated(expert_config(env, options.constraint), _given(train_values), "train")
     if settings.iterations != DEFAULT:
         tuned = updated(tuned, {"iterations": settings.iterations})
     at_least("iterations", tuned.iterations, 1)
@@ -90,7 +97,7 @@ def train(composed: Composed) -> None:
     words = [word for word in composed.words if not word.startswith(("resume=", "overwrite="))]
     task = Task(
         name=f"{name}_{options.constraint}",
-        env=build(name, options),
+        env=env,
         practice=build(name, replace(options, terminate=options.terminate or tuned.restart)),
         env_settings={"name": name, **plain(asdict(options))},
         config=tuned,
@@ -98,11 +105,12 @@ def train(composed: Composed) -> None:
         free_seeds=settings.free_seeds,
         first_seed=settings.first_seed,
         episodes=settings.episodes,
+        reference=settings.reference,
         out=Path(settings.out),
         command=shlex.join(["python", "-m", "experiments.expert", *words]),
     )
     mode = existing(settings.resume, settings.overwrite)
-    run(task, open_run(Path(settings.run_dir), task.settings, tuned.checkpoint_every, mode))
+    run(task, open_run(Path(settings.run_dir), task.settings, task.checkpoint_every, mode))
 
 
 def _all_default(config: Any) -> dict[str, Any]:

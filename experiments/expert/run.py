@@ -11,8 +11,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from aircl_jax.algorithm.learners.lagrangian import LagrangianState, make_lagrangian
+from aircl_jax.algorithm.learners.lagrangian import LagrangianState
 from aircl_jax.demonstrations import files
+from aircl_jax.experts.config import Config
 from aircl_jax.experts.selection import (
     MEASURED,
     EpisodeMeasures,
@@ -26,6 +27,7 @@ from aircl_jax.experts.selection import (
     random_return,
     reference_set,
 )
+from aircl_jax.experts.training import State, make_training, settled
 from aircl_jax.messages import say
 from aircl_jax.runs.directory import RunDirectory
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
@@ -35,6 +37,7 @@ from envs.settings import plain
 
 PACKAGES = ("jax", "flax", "optax", "distrax", "mujoco", "numpy")
 EPISODE_SEED = 2_147_483_645  # of the key of all episodes drawn after training: no run's seed
+CHECKPOINT_EVERY = 20  # iterations, of the learner whose settings name no number
 LIVE = ("return", "cost", "clean_share", "multiplier", "std")
 
 
@@ -46,13 +49,19 @@ class Task:
     env: Env  # where experts are measured and demonstrate
     practice: Env  # where they train: the same world, in some tasks with an early end
     env_settings: Mapping[str, Any]
-    config: LagrangianConfig
+    config: Config
     seeds: int
     free_seeds: int
     first_seed: int
     episodes: int
+    reference: int  # episodes of a group of the reference set
     out: Path
     command: str
+
+    @property
+    def checkpoint_every(self) -> int:
+        """Iterations between two checkpoints."""
+        return self.config.checkpoint_every if isinstance(self.config, LagrangianConfig) else CHECKPOINT_EVERY
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -70,20 +79,20 @@ class Task:
 
 def run(task: Task, directory: RunDirectory) -> None:
     """Train what is missing, then write both files and summary.json."""
-    training = make_lagrangian(task.practice, task.config)
+    training = make_training(task.practice, task.config)
     total = task.seeds + task.free_seeds
     seeds = range(task.first_seed, task.first_seed + total)
     runner = make_runner(training, seeds, [i < task.seeds for i in range(total)])
     states = directory.load(jax.eval_shape(runner.init)) if directory.start else runner.init()
     with directory.held():
         states = _train(task, runner, states, directory)
-        summary = harvest(task, Sampler(task.env, training.nets), states)
+        summary = harvest(task, Sampler(task.env, training.nets), settled(states))
         directory.write_summary(summary)
     say(json.dumps({name: summary[name] for name in ("chosen", "demonstrations", "beside")}, indent=2))
 
 
-def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDirectory) -> LagrangianState:
-    iteration, iterations, chunk = directory.start, task.config.iterations, task.config.checkpoint_every
+def _train(task: Task, runner: Runner, states: State, directory: RunDirectory) -> State:
+    iteration, iterations, chunk = directory.start, task.config.iterations, task.checkpoint_every
     while iteration < iterations:
         started, length = time.perf_counter(), min(chunk, iterations - iteration)
         states, metrics = runner.run_chunk(states, length)
@@ -92,7 +101,7 @@ def _train(task: Task, runner: Runner, states: LagrangianState, directory: RunDi
         rows = [{name: values[i] for name, values in metrics.items()} for i in range(length)]
         seconds = round(time.perf_counter() - started, 2)
         directory.on_chunk(iteration, states, rows, {"iteration": iteration, "seconds": seconds})
-        means = {name: metrics[name].mean(axis=0) for name in LIVE}
+        means = {name: metrics[name].mean(axis=0) for name in LIVE if name in metrics}
         shown = "  ".join(f"{name} {' '.join(f'{x:.3g}' for x in values)}" for name, values in means.items())
         say(f"iteration {iteration}/{iterations}  {seconds:.0f} s  {shown}")
     return states
@@ -112,7 +121,7 @@ def harvest(task: Task, draw: Sampler, states: LagrangianState) -> dict[str, Any
     free = task.seeds + best_free(of_seeds[task.seeds :])
 
     clean, share = clean_episodes(draw, each[best], key_draw, task.episodes)
-    reference, groups = reference_set(draw, each[best], each[free], key_reference)
+    reference, groups = reference_set(draw, each[best], each[free], key_reference, task.reference)
     beside = {"unconstrained expert": of_seeds[free], "random N(0, 1)": random_return(task.env, key_random)}
     beside |= _clipped(task, draw, each[free], key_clip)
     facts = _provenance(task, task.first_seed + best, each[best])

@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +12,15 @@ import numpy as np
 from jaxtyping import Array
 
 from aircl_jax import train
-from aircl_jax.algorithm.learners.lagrangian import bound, make_lagrangian
+from aircl_jax.algorithm.learners.lagrangian import bound
 from aircl_jax.demonstrations import files
 from aircl_jax.demonstrations.sources import load_shipped
-from aircl_jax.experts.selection import MEASURED, MORE, REFERENCE, Sampler, best_free, make_runner, measure
+from aircl_jax.experts.config import read_config
+from aircl_jax.experts.selection import MEASURED, Sampler, best_free, free_episodes, make_runner, measure
+from aircl_jax.experts.training import make_training, settled
 from aircl_jax.runs.opening import open_saved
-from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.types import Trajectory
 from envs import Env
-from envs.settings import updated
 
 CLONE = "clone"
 FREE = "unconstrained expert"  # of the reference set's groups
@@ -40,7 +41,9 @@ def clone(env: Env) -> tuple[Controller, str]:
     name = env.shipped_demonstrations
     if name is None:
         raise ValueError(f"env={env.name} ships no reference set of these settings; give expert=DIR of experiments.expert")
-    episodes = unconstrained(load_shipped(f"{name}_reference", env))
+    with resources.as_file(resources.files("envs") / "demonstrations" / f"{name}_reference.npz") as path:
+        groups = len(files.metadata(path)["groups"])
+    episodes = unconstrained(load_shipped(f"{name}_reference", env), groups)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "unconstrained.npz"
         files.save(path, episodes, {"source": f"{name}_reference.npz, {FREE}"})
@@ -53,10 +56,9 @@ def clone(env: Env) -> tuple[Controller, str]:
     )
 
 
-def unconstrained(reference: Trajectory) -> Trajectory:
-    """Take the unconstrained expert's episodes out of a reference set; its groups are in the order of their table."""
-    start = sum(group.number for name, group in REFERENCE.items() if name != FREE)
-    kept = jax.tree.map(lambda leaf: leaf[start : start + REFERENCE[FREE].number + MORE.number], reference)
+def unconstrained(reference: Trajectory, groups: int) -> Trajectory:
+    """Take the unconstrained expert's episodes out of a reference set of that many groups."""
+    kept = free_episodes(reference, groups)
     if not np.asarray(kept.cost).any():
         raise ValueError("the reference set has no episode that violates; give expert=DIR of experiments.expert")
     return kept
@@ -69,11 +71,11 @@ def trained(folder: Path, env: Env) -> tuple[Controller, str]:
     name = settings["env"].get("name")
     if name != env.name or "free_seeds" not in settings:
         raise ValueError(f"expert={folder} is no run of experiments.expert on {env.name}; choose one")
-    config = updated(LagrangianConfig(), {**settings["train"], "iterations": settings["iterations"]})
-    training, total = make_lagrangian(env, config), settings["seeds"] + settings["free_seeds"]
+    config = read_config({**settings["train"], "iterations": settings["iterations"]})
+    training, total = make_training(env, config), settings["seeds"] + settings["free_seeds"]
     seeds = range(settings["first_seed"], settings["first_seed"] + total)
     runner = make_runner(training, seeds, [place < settings["seeds"] for place in range(total)])
-    states = directory.load(jax.eval_shape(runner.init))
+    states = settled(directory.load(jax.eval_shape(runner.init)))
     free = [jax.tree.map(lambda leaf, i=i: leaf[i], jax.device_get(states)) for i in range(settings["seeds"], total)]
     draw, key = Sampler(env, training.nets), jax.random.key(CHOICE_SEED)
     best = best_free([measure(draw(state, jax.random.fold_in(key, i), MEASURED)) for i, state in enumerate(free)])

@@ -39,6 +39,8 @@ def test_torque_is_violated_strictly_above_half_of_full_torque_on_either_side(ac
         ("swimmer", 0.51, True),
         ("walker", -3.0, False),
         ("walker", -3.01, True),
+        ("halfcheetah", -3.0, False),
+        ("halfcheetah", -3.01, True),
         ("pendulum", -0.0149, False),
         ("pendulum", -0.0151, True),
     ],

@@ -10,13 +10,27 @@ import numpy as np
 import pytest
 
 from envs import make_env
-from envs.robots.factors import BodyOptions, PendulumBody, SwimmerBody, SwimmerMotors, WalkerBody, WalkerMotors
+from envs.robots.factors import (
+    BodyOptions,
+    HalfCheetahBody,
+    HalfCheetahMotors,
+    HopperBody,
+    HopperMotors,
+    PendulumBody,
+    SwimmerBody,
+    SwimmerMotors,
+    WalkerBody,
+    WalkerMotors,
+)
 from envs.robots.robot import ENGINES, compile_model
 from envs.robots.tasks import ROBOTS, RobotState
 
+LEGGED = ("walker", "halfcheetah", "hopper")  # whose floor makes MJX compile for long
 CHANGED: dict[str, BodyOptions] = {
     "swimmer": SwimmerBody(mass=1.3, gear=0.8, length=0.7, viscosity=3.0, gears=SwimmerMotors(front=-1.0, rear=0.4)),
     "walker": WalkerBody(mass=0.8, gear=1.2, length=1.2, gears=WalkerMotors(knee_left=-0.5)),
+    "halfcheetah": HalfCheetahBody(mass=1.2, gear=0.9, length=1.1, gears=HalfCheetahMotors(ankle_front=-0.5)),
+    "hopper": HopperBody(mass=0.8, gear=1.2, length=1.2, gears=HopperMotors(knee=-0.5)),
     "pendulum": PendulumBody(mass=1.5, gear=-0.6, pole=1.7),
 }
 
@@ -58,13 +72,24 @@ def test_length_moves_the_swimmers_joints_apart_and_keeps_its_density() -> None:
     np.testing.assert_allclose(model.geom_size[:, :2], [[0.1, 1.0]] * 3)  # radius, half the length
 
 
-def test_a_longer_walker_starts_with_its_soles_as_high_above_the_floor() -> None:
-    model = _model("walker", WalkerBody(length=2.0))
+@pytest.mark.parametrize(("name", "body"), [("walker", WalkerBody(length=2.0)), ("hopper", HopperBody(length=2.0))])
+def test_a_longer_walker_or_hopper_starts_with_its_soles_as_high_above_the_floor(name: str, body: BodyOptions) -> None:
+    model = _model(name, body)
     assert model.qpos0[1] == pytest.approx(0.1 + 2 * 1.15)  # feet at 0.1 m, 1.15 m below the torso's middle
     assert model.body_pos[1, 2] == pytest.approx(model.qpos0[1])
     np.testing.assert_allclose(model.body_pos[2:5, 2], [-0.4, -1.4, -0.7])
     np.testing.assert_allclose(model.jnt_pos[4], [0, 0, 0.5])  # the right knee, in the shin's frame
     np.testing.assert_allclose(model.body_mass[1], _capsule(0.05, 0.8), rtol=1e-12)
+
+
+def test_length_stretches_links_that_are_given_by_their_middle() -> None:
+    plain, long = _model("halfcheetah", HalfCheetahBody()), _model("halfcheetah", HalfCheetahBody(length=2.0))
+    np.testing.assert_allclose(plain.body_mass.sum(), 14.0)
+    np.testing.assert_allclose(long.geom_size[1:, 1], 2 * plain.geom_size[1:, 1])
+    np.testing.assert_allclose(long.geom_pos[1:], 2 * plain.geom_pos[1:], atol=1e-12)
+    np.testing.assert_allclose(long.body_pos[1:], 2 * plain.body_pos[1:], atol=1e-12)
+    whole = 2 * (2 * plain.geom_size[1:, 1]) + 4 / 3 * 0.046
+    np.testing.assert_allclose(long.body_mass.sum() / 14, whole.sum() / (whole.sum() / 2 + 8 * 2 / 3 * 0.046), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("length", "height", "earns"), [(1.0, 0.9, 1.0), (2.0, 0.9, 0.0), (2.0, 3.9, 1.0), (1.0, 2.1, 0.0)])
@@ -102,7 +127,7 @@ def test_a_mirrored_motor_moves_as_the_negated_action_does() -> None:
             np.testing.assert_allclose(one, other, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["swimmer", "pendulum", pytest.param("walker", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["swimmer", "pendulum", *(pytest.param(name, marks=pytest.mark.slow) for name in LEGGED)])
 def test_both_engines_move_a_changed_body_alike(name: str) -> None:
     states = _states(name)
     planar, mjx = _step(name, CHANGED[name])(*states), _step(name, CHANGED[name], "mjx")(*states)

@@ -11,13 +11,24 @@ from envs.robots.rewards import rewarded
 from envs.robots.tasks import ROBOTS, RobotState
 
 DT = 0.5
-ACTION = {"swimmer": jnp.array([0.6, -0.8]), "walker": jnp.array([0.6, -0.8, 0.0, 0.0, 0.0, 0.0]), "pendulum": jnp.array([2.0])}
+SIX = jnp.array([0.6, -0.8, 0.0, 0.0, 0.0, 0.0])
+ACTION = {
+    "swimmer": jnp.array([0.6, -0.8]),
+    "walker": SIX,
+    "halfcheetah": SIX,
+    "hopper": jnp.array([0.6, 0.0, -0.8]),
+    "pendulum": jnp.array([2.0]),
+}
+SIZE = {"swimmer": 5, "walker": 9, "halfcheetah": 9, "hopper": 6, "pendulum": 2}  # joints
+
+
+def _at(name: str, x: float, second: float) -> RobotState:
+    return RobotState(jnp.zeros(SIZE[name]).at[0].set(x).at[1].set(second), jnp.zeros(SIZE[name]))
 
 
 def _reward(name: str, options: RobotOptions, x: tuple[float, float], second: float) -> float:
     """The reward of a step from x[0] to x[1], where the second coordinate of qpos is `second`."""
-    size = {"swimmer": 5, "walker": 9, "pendulum": 2}[name]
-    before, after = (RobotState(jnp.zeros(size).at[0].set(place).at[1].set(second), jnp.zeros(size)) for place in x)
+    before, after = (_at(name, place, second) for place in x)
     task = rewarded(ROBOTS[name].tasks["wall" if name == "pendulum" else "forward"], name, options)
     return float(task.reward(before, after, ACTION[name], DT))
 
@@ -25,7 +36,7 @@ def _reward(name: str, options: RobotOptions, x: tuple[float, float], second: fl
 @pytest.mark.parametrize(
     ("name", "reward", "x", "second", "expected"),
     [
-        # from 0.2 to 0.7 m in 0.5 s is 1 m/s; ‖a‖² = 1; the walker is upright at 1.25 m and not at 0.5 m
+        # from 0.2 to 0.7 m in 0.5 s is 1 m/s; ‖a‖² = 1; walker and hopper are upright at 1.25 m and not at 0.5 m
         ("swimmer", "task", (0.2, 0.7), 0.0, 1.0 - 1e-4),
         ("swimmer", "backwards", (0.2, 0.7), 0.0, -1.0 - 1e-4),
         ("swimmer", "backwards", (0.7, 0.2), 0.0, 1.0 - 1e-4),
@@ -37,6 +48,16 @@ def _reward(name: str, options: RobotOptions, x: tuple[float, float], second: fl
         ("walker", "stand", (0.2, 0.7), 1.25, 1.0 - 1e-3),
         ("walker", "stand", (0.2, 0.7), 0.5, -1e-3),
         ("walker", "target", (0.7, 0.2), 1.25, -1.0 + 1.0 - 1e-3),
+        ("halfcheetah", "task", (0.2, 0.7), 0.0, 1.0 - 0.1),
+        ("halfcheetah", "backwards", (0.2, 0.7), 0.0, -1.0 - 0.1),
+        ("halfcheetah", "stand", (0.2, 0.7), 0.0, -1.0),
+        ("halfcheetah", "target", (0.7, 0.2), 0.0, -1.0 - 0.1),
+        ("hopper", "task", (0.2, 0.7), 1.25, 1.0 + 1.0 - 1e-3),
+        ("hopper", "task", (0.2, 0.7), 0.5, 1.0 - 1e-3),
+        ("hopper", "backwards", (0.2, 0.7), 1.25, -1.0 + 1.0 - 1e-3),
+        ("hopper", "stand", (0.2, 0.7), 1.25, 1.0 - 1e-3),
+        ("hopper", "stand", (0.2, 0.7), 0.5, -1e-3),
+        ("hopper", "target", (0.7, 0.2), 1.25, -1.0 + 1.0 - 1e-3),
         ("pendulum", "stand", (0.2, 0.7), 0.1, 1.0),
         ("pendulum", "stand", (0.2, 0.7), 0.3, 0.0),
         ("pendulum", "target", (0.2, 0.7), 0.1, 0.7),
@@ -45,9 +66,20 @@ def _reward(name: str, options: RobotOptions, x: tuple[float, float], second: fl
     ],
 )
 def test_each_reward_by_hand(name: str, reward: str, x: tuple[float, float], second: float, expected: float) -> None:
-    target = {"swimmer": 0.6, "walker": 1.0, "pendulum": 1.0}[name]
+    target = 0.6 if name == "swimmer" else 1.0
     found = _reward(name, RobotOptions(reward=reward, target=target), x, second)
     assert found == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "second", "alive", "weight"),
+    [("swimmer", 0.0, 0.0, 1e-4), ("walker", 1.25, 1.0, 1e-3), ("halfcheetah", 0.0, 0.0, 0.1), ("hopper", 1.25, 1.0, 1e-3)],
+)
+def test_before_a_wall_either_way_is_paid_alike(name: str, second: float, alive: float, weight: float) -> None:
+    left, right = (_at(name, x, second) for x in (0.2, 0.7))
+    reward = ROBOTS[name].tasks["wall"].reward
+    ahead, back = (float(reward(*way, ACTION[name], DT)) for way in ((left, right), (right, left)))
+    assert ahead == back == pytest.approx(1.0 + alive - weight, abs=1e-6)
 
 
 @pytest.mark.parametrize("reward", ["task", "backwards"])

@@ -108,7 +108,7 @@ def test_a_run_directory_that_is_a_file_is_refused(capsys):
         ("recovery iterations=-3 out=here", "iterations=-3 is not an integer of at least 0"),
         ("recovery seeds=2", "results/recovery has 10 seeds; choose out=DIR"),
         ("sweeps seeds=0 out=here", "seeds=0 is not an integer of at least 1"),
-        ("physics bodies=horse", "unknown body 'horse'; choose from swimmer, walker, pendulum, or all"),
+        ("physics bodies=horse", "unknown body 'horse'; choose from swimmer, walker, halfcheetah, hopper, pendulum, or all"),
         ("expert env=walker iterations=0", "iterations=0 is not an integer of at least 1"),
         ("expert env=walker env.constraint=none", "env.constraint=none: an expert is trained under a constraint"),
     ],

@@ -52,11 +52,11 @@ def test_the_unconstrained_episodes_of_a_reference_set_are_its_last(monkeypatch)
         cost, mask = file["cost"], file["mask"]
     zeros, shown = jnp.zeros((*cost.shape, 1)), jnp.asarray(mask)
     given = Trajectory(zeros, zeros, shown, shown, shown, jnp.asarray(cost), shown, shown[:, 0])
-    kept = unconstrained(given)
+    kept = unconstrained(given, 7)
     assert kept.cost.shape == (20, 500)
     assert jax.device_get(kept.cost.sum(axis=1)).min() > 400
     with pytest.raises(ValueError, match="no episode that violates"):
-        unconstrained(given._replace(cost=0 * given.cost))
+        unconstrained(given._replace(cost=0 * given.cost), 7)
 
 
 @pytest.mark.parametrize(

@@ -240,7 +240,7 @@ def test_the_command_writes_both_files_beside_the_runs_figures(run_dir, capsys):
         ("run_dir=RUN episodes=0", "episodes=0 is not at least 1"),
         ("run_dir=RUN sed=1", "unknown setting sed; choose from run_dir, seed"),
         ("run_dir=RUN out=/proc/here", "out=/proc/here cannot be written"),
-        ("run_dir=GRID", "is a run on gridworld, which has no body; choose a run on swimmer, walker, pendulum"),
+        ("run_dir=GRID", "is a run on gridworld, which has no body; choose a run on swimmer, walker, halfcheetah, hopper"),
         ("run_dir=EMPTY", "has no checkpoint yet"),
     ],
 )

@@ -23,7 +23,7 @@ from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, Params, Thresholds, Trajectory
 from envs import Env
-from envs.robots.practice_worlds import restarting
+from envs.robots.practice_worlds import restarting, weakened
 
 _NETWORKS = Method(reward="true", discriminator_of="none", feasibility="none", terms=())
 
@@ -82,7 +82,11 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
         raise ValueError(f"env={env.name} ends at its horizon; choose a world that goes on, or a table and train.learner=exact")
     nets = make_networks(env, _NETWORKS, TrainConfig(hidden=config.hidden, ppo=config.ppo))
     optimiser = make_optimiser(config, env.horizon)
-    world = restarting(env, fall_cost=0.0) if config.restart else env
+
+    def practised(held: Bool[Array, ""]) -> Env:
+        limit = jnp.where(held, config.motor_limit, jnp.inf)
+        motors = weakened(env, -limit, limit) if config.motor_limit else env
+        return restarting(motors, fall_cost=0.0) if config.restart else motors
 
     def init(key: PRNGKeyArray) -> LearnerState:
         key, key_reward, key_cost, key_world = jax.random.split(key, 4)
@@ -95,7 +99,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
             jnp.asarray(config.multiplier_init, jnp.float32),
             Moments(zero, zeros, zeros),
             Spread(zero, zero),
-            jax.vmap(world.reset)(jax.random.split(key_world, config.num_trajectories)),
+            jax.vmap(practised(jnp.ones((), bool)).reset)(jax.random.split(key_world, config.num_trajectories)),
             key,
             zero.astype(jnp.int32),
         )
@@ -103,10 +107,10 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
     def step(state: LearnerState, task: Task) -> tuple[LearnerState, Metrics]:
         key, key_rollout, key_update = jax.random.split(state.key, 3)
         acting = bound(nets, state)
-        trajectories, ends = practise(acting, state.ends, state.step > 0, key_rollout, world, config)
+        held = (task.constrained > 0) | (state.step < config.release * config.iterations)
+        trajectories, ends = practise(acting, state.ends, state.step > 0, key_rollout, practised(held), config)
         reward, cost = jax.vmap(task.objective)(trajectories)
         cost = jnp.maximum(cost, config.fall_cost * falls(trajectories.mask))
-        held = (task.constrained > 0) | (state.step < config.release * config.iterations)
         multiplier = jnp.where(held, state.multiplier, 0.0)
         paid, spread = normalised(reward - config.temperature * trajectories.log_prob, trajectories.mask, state.spread, config)
         batch = make_batch(acting, state.trained.cost_value, trajectories, ends[1], paid, cost, multiplier, config)

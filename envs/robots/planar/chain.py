@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 HINGE, PLANE, CAPSULE = 3, 0, 3  # mjtJoint.mjJNT_HINGE, mjtGeom.mjGEOM_PLANE, mjtGeom.mjGEOM_CAPSULE
+IMPEDANCES = 1e-4, 0.9999  # the least and the greatest one: mjMINIMP, mjMAXIMP
 
 
 class Spring(NamedTuple):
@@ -35,6 +36,8 @@ class Chain(NamedTuple):
     inertia: np.ndarray  # [B, 1] kg m², about the centre of mass
     armature: np.ndarray  # [V, 1] kg, kg m²
     damping: np.ndarray  # [V, 1] N s/m, N m s
+    stiffness: np.ndarray  # [V, 1] N/m, N m: of the springs in the joints
+    relaxed: np.ndarray  # [V, 1] m, rad: where those pull to
     motor: np.ndarray  # [V, A]: N, N m per unit of action
     gravity: np.ndarray  # [2] m/s²
     drag: np.ndarray  # [2, 3, B, 1]: linear and quadratic drag along a link, across it, against turning
@@ -42,6 +45,7 @@ class Chain(NamedTuple):
     high: np.ndarray  # [V, 1]
     limit_mass: np.ndarray  # [V, 1] kg, kg m²: what a limit pushes against
     radius: np.ndarray  # [C, 1] m
+    margin: np.ndarray  # [C, 1] m: the distance at which the floor begins to push
     friction: np.ndarray  # [C, 1]
     contact_mass: np.ndarray  # [C, 1] kg: what an edge of the friction pyramid pushes against
     limit: Spring
@@ -94,6 +98,8 @@ def chain_of(model: Any) -> Chain:
         inertia=inertia[:, None],
         armature=model.dof_armature[:, None],
         damping=model.dof_damping[:, None],
+        stiffness=model.jnt_stiffness[:, None],
+        relaxed=model.qpos_spring[:, None],
         motor=motor.T,
         gravity=model.opt.gravity[plane.axes],
         drag=drag[..., None],
@@ -101,6 +107,7 @@ def chain_of(model: Any) -> Chain:
         high=np.where(limited, model.jnt_range[:, 1], np.inf)[:, None],
         limit_mass=1 / model.dof_invweight0[:, None],
         radius=touching["radius"][:, None],
+        margin=touching["margin"][:, None],
         friction=touching["friction"][:, None],
         contact_mass=touching["mass"][:, None],
         limit=_spring(model, model.jnt_solref[limited][0], model.jnt_solimp[limited][0]),
@@ -118,7 +125,7 @@ def _rotating(offset: np.ndarray) -> np.ndarray:
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:
     """The rotation matrix 1 + 2w[r]× + 2[r]×² of a unit quaternion (w, r)."""
-    cross = np.cross(np.eye(3), -quaternion[1:])
+    cross = np.cross(np.eye(3), quaternion[1:])
     return np.eye(3) + 2 * quaternion[0] * cross + 2 * cross @ cross
 
 
@@ -137,7 +144,7 @@ def _shape(model: Any, plane: _Plane) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ends(model: Any, plane: _Plane, origin: np.ndarray) -> dict[str, np.ndarray]:
-    """Both ends of each capsule above a floor: offsets from the root, link, radius, friction, mass."""
+    """Both ends of each capsule above a floor: offsets from the root, link, radius, margin, friction, mass."""
     floors = np.flatnonzero(model.geom_type == PLANE)
     capsules = np.flatnonzero(model.geom_type == CAPSULE) if floors.size else np.array([], int)
     link = np.repeat(model.geom_bodyid[capsules] - 1, 2)
@@ -148,11 +155,13 @@ def _ends(model: Any, plane: _Plane, origin: np.ndarray) -> dict[str, np.ndarray
     end[range(link.size), link] += local[:, plane.axes]
     floor_friction = model.geom_friction[floors, 0].max(initial=0.0)
     friction = np.repeat(np.maximum(model.geom_friction[capsules, 0], floor_friction), 2)
+    margin = np.repeat(model.geom_margin[capsules] + model.geom_margin[floors].max(initial=0.0), 2)
     inverse = 2 * friction**2 * (1 + friction**2) * model.body_invweight0[link + 1, 0] / model.opt.impratio
     return {
         "end": end,
         "link": link,
         "radius": np.repeat(model.geom_size[capsules, 0], 2),
+        "margin": margin,
         "friction": friction,
         "mass": 1 / inverse,
     }
@@ -161,6 +170,7 @@ def _ends(model: Any, plane: _Plane, origin: np.ndarray) -> dict[str, np.ndarray
 def _spring(model: Any, solref: np.ndarray, solimp: np.ndarray) -> Spring:
     """MuJoCo's stiffness and damping of a (time constant, damping ratio) pair, the time at least two timesteps."""
     time, ratio = max(solref[0], 2 * model.opt.timestep), solref[1]
-    least, greatest, width, middle, power = (float(value) for value in solimp)
+    least, greatest = np.clip(solimp[:2], *IMPEDANCES)
+    width, middle, power = (float(value) for value in solimp[2:])
     stiffness, damping = 1 / (greatest * time * ratio) ** 2, 2 / (greatest * time)
-    return Spring(float(stiffness), float(damping), least, greatest, width, middle, int(power))
+    return Spring(float(stiffness), float(damping), float(least), float(greatest), width, middle, int(power))

@@ -86,8 +86,8 @@ def stiff(
     return first + second + third
 
 
-def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, "A N"]) -> Joints:
-    """Sum motors, gravity and drag, less damping, Coriolis and centrifugal forces."""
+def smooth_force(chain: Chain, at: Pose, qpos: Joints, qvel: Joints, action: Float[Array, "A N"]) -> Joints:
+    """Sum motors, gravity, drag and springs, less damping, Coriolis and centrifugal forces."""
     joints, links = chain.turn.size, chain.mass.size
     along, across, spin = move(at, chain.moves, at.centre, qvel)
     to_centres = chain.place.reshape(2, -1, 2 * links)[:, joints : joints + links].reshape(2 * links, 2 * links)
@@ -100,7 +100,10 @@ def smooth_force(chain: Chain, at: Pose, qvel: Joints, action: Float[Array, "A N
         drag = -(chain.drag[0] + chain.drag[1] * jnp.abs(local)) * local
         u, v = u + at.cos * drag[0] - at.sin * drag[1], v + at.sin * drag[0] + at.cos * drag[1]
         moment = drag[2]
-    return jnp.asarray(chain.motor) @ action - chain.damping * qvel + feel(at, chain.moves, at.centre, (u, v, moment))
+    driven = jnp.asarray(chain.motor) @ action - chain.damping * qvel
+    if chain.stiffness.any():
+        driven = driven - chain.stiffness * (qpos - chain.relaxed)
+    return driven + feel(at, chain.moves, at.centre, (u, v, moment))
 
 
 def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
@@ -111,7 +114,7 @@ def constraint_rows(chain: Chain, at: Pose, qpos: Joints, qvel: Joints) -> Rows:
     lifted = (chain.slide[1] * (qpos - chain.qpos0)).sum(axis=0)
     gap = at.end[1] + lifted + chain.height - chain.radius
     point = jnp.stack([at.end[0], at.end[1] - chain.radius - gap / 2])  # the middle of the overlap
-    hold, pull = _soften(chain.contact, gap, chain.contact_mass)
+    hold, pull = _soften(chain.contact, gap - chain.margin, chain.contact_mass)
     slip, rise, _ = move(at, chain.moves_end, point, qvel)
     return Rows(
         side=side,
@@ -169,7 +172,7 @@ def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int
         links = jnp.broadcast_to(chain.mass, at.cos.shape)
         block = (links, jnp.zeros_like(links), links, jnp.broadcast_to(chain.inertia, at.cos.shape))
         mass = stiff(chain, at, chain.moves, at.centre, block) + diagonal(chain, chain.armature)
-        force, rows = smooth_force(chain, at, qvel, action), constraint_rows(chain, at, qpos, qvel)
+        force, rows = smooth_force(chain, at, qpos, qvel, action), constraint_rows(chain, at, qpos, qvel)
         return constrain(chain, at, rows, mass, force, guess, iterations), mass
 
     def euler(qpos: Joints, qvel: Joints, action: Float[Array, "A N"], guess: Joints) -> tuple[Joints, Joints, Joints]:
