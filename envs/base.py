@@ -135,11 +135,12 @@ class Limit(NamedTuple):
     name: str  # of the constraint
     value: float
     bounds: int | Literal["actions"] | None  # a coordinate of the observation, every |action|, or nothing that is seen
+    both_sides: bool = False  # across a coordinate too, at ±value
 
     @property
     def lines(self) -> tuple[float, ...]:
-        """Where to draw it: at ±value across actions, at the value across a coordinate."""
-        return (-self.value, self.value) if self.bounds == "actions" else (self.value,)
+        """Where to draw it: at ±value across actions and where it has both sides, else at the value."""
+        return (-self.value, self.value) if self.both_sides or self.bounds == "actions" else (self.value,)
 
 
 def _identity(obs: Float[Array, " O"]) -> Float[Array, " R"]:
