@@ -173,6 +173,7 @@ class Env:
     view: View = BY_NUMBER  # how to draw the world, and what its observations and actions are called
     limit: Limit | None = None  # the line that its constraint draws, where there is one
     registered: bool = False  # made by the registry, so that its settings are found by its name
+    task: str = ""  # of a world of another library, which its name alone does not say
 
     @property
     def expert(self) -> Expert | None:
@@ -191,7 +192,8 @@ class Env:
     @property
     def title(self) -> str:
         """What reports and figures call the world."""
-        return f"{self.name} (simulated)" if self.simulated else self.name
+        named = f"{self.name} {self.task}" if self.task else self.name
+        return f"{named} (simulated)" if self.simulated else named
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

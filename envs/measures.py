@@ -17,7 +17,12 @@ Velocities = Float[Array, " V"]
 Scalar = Float[Array, ""]
 Side = Literal["above", "below", "outside"]  # outside: the size of it is above the limit
 
-SIDES: dict[str, Side] = {"position": "below", "speed": "above", "height": "above", "tilt": "outside", "joint": "outside"}
+SIDES: dict[str, Side] = {
+    "position": "below",
+    "speed": "above",
+    "height": "above",
+    **dict.fromkeys(("tilt", "joint", "coordinate"), "outside"),
+}
 MARGIN: dict[Side, Callable[[Scalar, float], Scalar]] = {
     "above": lambda value, limit: value - limit,
     "below": lambda value, limit: limit - value,

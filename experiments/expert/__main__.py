@@ -13,6 +13,7 @@ from envs import ENVS
 from envs.options import RobotOptions
 from envs.registry import build, options_of
 from envs.settings import at_least, plain, updated
+from envs.simulators.options import GuestOptions
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import QUIET, hydra_node, store
 
@@ -21,12 +22,12 @@ HELP = f"""Train experts by PPO-Lagrangian and write demonstrations and a refere
   python -m experiments.expert env=swimmer
   python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
 
-env          swimmer, walker or pendulum; env.NAME=VALUE changes a setting of it. Tuned are {", ".join(EXPERTS)}
+env          a robot, or brax with env.task; env.NAME=VALUE changes a setting of it. Tuned are {", ".join(EXPERTS)}
 seeds        number of experts under the constraint, from first_seed on; free_seeds: number of those without it, which follow
 iterations   number of iterations; the learning rate falls to 0 at the last one
 run_dir      folder of the run; resume=true continues a run that is there, overwrite=true starts again
 episodes     number of demonstrations to write; none of them violates
-out          folder of the two files, ENV_CONSTRAINT.npz and ENV_CONSTRAINT_reference.npz; run_dir by default
+out          folder of the two files, ENV_CONSTRAINT.npz (ENV_TASK_CONSTRAINT.npz) and …_reference.npz; run_dir by default
 train        settings of PPO-Lagrangian, as in train.ppo.learning_rate=0.001; default: those of the task's row
 
 $CONFIG
@@ -69,9 +70,9 @@ def register() -> None:
 def train(composed: Composed) -> None:
     """Check the settings; then train, measure and choose experts and write their episodes."""
     name, values = composed.env, dict(composed.values)
-    robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
-    if name not in robots:
-        raise ValueError(f"env={name} has no expert to train; choose from {', '.join(robots)}")
+    able = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions | GuestOptions)]
+    if name not in able:
+        raise ValueError(f"env={name} has no expert to train; choose from {', '.join(able)}")
     env_values, train_values = values.pop("env"), values.pop("train")
     settings = updated(ExpertSettings(), values)
     for field in ("seeds", "free_seeds", "episodes"):
@@ -89,9 +90,9 @@ def train(composed: Composed) -> None:
 
     words = [word for word in composed.words if not word.startswith(("resume=", "overwrite="))]
     task = Task(
-        name=f"{name}_{options.constraint}",
+        name="_".join(part for part in (name, getattr(options, "task", ""), options.constraint) if part),
         env=build(name, options),
-        practice=build(name, replace(options, terminate=options.terminate or tuned.restart)),
+        practice=build(name, _ending(options, tuned)),
         env_settings={"name": name, **plain(asdict(options))},
         config=tuned,
         seeds=settings.seeds,
@@ -103,6 +104,11 @@ def train(composed: Composed) -> None:
     )
     mode = existing(settings.resume, settings.overwrite)
     run(task, open_run(Path(settings.run_dir), task.settings, tuned.checkpoint_every, mode))
+
+
+def _ending(options: Any, config: LagrangianConfig) -> Any:
+    """Give the practice world an early end where the expert restarts; some worlds have no other way."""
+    return replace(options, terminate=options.terminate or config.restart) if hasattr(options, "terminate") else options
 
 
 def _all_default(config: Any) -> dict[str, Any]:
