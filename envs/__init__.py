@@ -4,6 +4,7 @@ from envs.base import Box, Discrete, Env, Limit, Recorded, Shipped, SoftOptimalE
 from envs.brax_adapter import adapt
 from envs.registry import ENVS, make_env
 from envs.robots.constraints import CONSTRAINTS, Constraint
+from envs.simulators.gymnasium import from_gymnasium
 from envs.views import Codes, Coordinates, Grid, Maze
 
 __all__ = [
@@ -24,5 +25,6 @@ __all__ = [
     "Step",
     "Tabular",
     "adapt",
+    "from_gymnasium",
     "make_env",
 ]

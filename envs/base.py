@@ -135,11 +135,12 @@ class Limit(NamedTuple):
     name: str  # of the constraint
     value: float
     bounds: int | Literal["actions"] | None  # a coordinate of the observation, every |action|, or nothing that is seen
+    both_sides: bool = False  # across a coordinate too, at ±value
 
     @property
     def lines(self) -> tuple[float, ...]:
-        """Where to draw it: at ±value across actions, at the value across a coordinate."""
-        return (-self.value, self.value) if self.bounds == "actions" else (self.value,)
+        """Where to draw it: at ±value across actions and where it has both sides, else at the value."""
+        return (-self.value, self.value) if self.both_sides or self.bounds == "actions" else (self.value,)
 
 
 def _identity(obs: Float[Array, " O"]) -> Float[Array, " R"]:
@@ -172,6 +173,7 @@ class Env:
     view: View = BY_NUMBER  # how to draw the world, and what its observations and actions are called
     limit: Limit | None = None  # the line that its constraint draws, where there is one
     registered: bool = False  # made by the registry, so that its settings are found by its name
+    task: str = ""  # of a world of another library, which its name alone does not say
 
     @property
     def expert(self) -> Expert | None:
@@ -190,7 +192,8 @@ class Env:
     @property
     def title(self) -> str:
         """What reports and figures call the world."""
-        return f"{self.name} (simulated)" if self.simulated else self.name
+        named = f"{self.name} {self.task}" if self.task else self.name
+        return f"{named} (simulated)" if self.simulated else named
 
     @property
     def coordinate_names(self) -> tuple[str, ...]:

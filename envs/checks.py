@@ -26,7 +26,7 @@ def check_env(env: Env) -> None:
         for misfit in _misfits(env):
             raise MisfitError(misfit)
     except MisfitError as misfit:
-        raise ValueError(f"env={env.name}: {' '.join(str(misfit).split())}") from misfit.__cause__
+        raise ValueError(f"env={env.title}: {' '.join(str(misfit).split())}") from misfit.__cause__
 
 
 def check_predicate(what: str, violated: Callable[..., Any], *inputs: Any) -> None:

@@ -1,7 +1,7 @@
 """Find indices beyond an array's end in traced functions: where NumPy would raise an error, jax takes the nearest entry."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, SupportsIndex
 
 import jax
 import numpy as np
@@ -79,7 +79,7 @@ def _computed(name: str, values: Sequence[Any], params: Mapping[str, Any]) -> An
     return compute(*values) if isinstance(compute, np.ufunc) else compute(*values, **params)
 
 
-def _broadcast(x: np.ndarray, shape: Sequence[int], dimensions: Sequence[int]) -> np.ndarray:
+def _broadcast(x: np.ndarray, shape: Sequence[int], dimensions: Sequence[SupportsIndex]) -> np.ndarray:
     aligned = np.ones(len(shape), int)
     aligned[list(dimensions)] = x.shape
     return np.broadcast_to(x.reshape(aligned), shape)

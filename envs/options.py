@@ -76,8 +76,10 @@ class NonMarkovOptions(Options):
 class RobotOptions(Options):
     """Settings shared by the MuJoCo bodies. Raises ValueError on a value that no body can have."""
 
-    constraint: str = "torque"  # a name in envs.robots.constraints.CONSTRAINTS: torque, position, none, or one of your own
+    constraint: str = "torque"  # torque, position, none or a row of your own (CONSTRAINTS); speed, height, tilt, joint
     limit: float | Literal["default"] = "default"  # threshold of the constraint; the benchmark's where it says default
+    side: Literal["default", "above", "below", "outside"] = "default"  # of the limit that violates (speed, height, tilt, joint)
+    joint: str = ""  # of constraint=joint: its name
     noise: float = 0.001  # standard deviation of the noise on qpos and qvel after each control step
     terminate: bool = False  # Gymnasium's early end instead of a fixed horizon
     horizon: int = 500  # control steps; Table 2

@@ -8,6 +8,7 @@ from typing import Any
 from envs import options
 from envs.base import Env
 from envs.settings import updated
+from envs.simulators.options import BraxOptions, GymnasiumOptions
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,8 @@ ENVS: dict[str, EnvRow] = {
     "pendulum": EnvRow(options.PendulumOptions, "envs.robots.robot:make_pendulum"),
     "meerkat": EnvRow(options.MeerkatOptions, "envs.animals.meerkat:make_meerkat"),
     "labyrinth": EnvRow(options.LabyrinthOptions, "envs.animals.labyrinth:make_labyrinth"),
+    "brax": EnvRow(BraxOptions, "envs.simulators.brax:make_brax"),
+    "gymnasium": EnvRow(GymnasiumOptions, "envs.simulators.gymnasium:make_gymnasium"),
 }
 
 

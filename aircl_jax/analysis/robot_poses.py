@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from envs import ENVS
-from envs.robots.constraints import find_constraint
+from envs.robots.constraints import task_of
 from envs.robots.robot import compile_model
 from envs.robots.tasks import ROBOTS, RobotState, Task
 from envs.settings import updated
@@ -43,7 +43,7 @@ def make_body(name: str, settings: Mapping[str, Any]) -> Body:
         raise ValueError(f"env={name} has no body to draw; choose from {', '.join(ROBOTS)}")
     robot, options = ROBOTS[name], updated(ENVS[name].options(), settings, "env")
     model = compile_model(robot.body, options.integrator, options.body)
-    task = robot.tasks[find_constraint(options.constraint, name).task]
+    task = robot.tasks[task_of(options.constraint, name)]
     return Body(model, task, _stage(model, float(model.opt.timestep) * robot.body.frame_skip))
 
 

@@ -118,14 +118,16 @@ def _side(
 
 
 def _quantity(limit: Limit | None, body: Body) -> Quantity | None:
-    """What a line can be drawn for; None where there is no constraint, or it bounds nothing that is observed."""
+    """What a line can be drawn for; None where there is no constraint, or it bounds no pose that is observed."""
     if limit is None or limit.bounds is None:
         return None
     if limit.bounds == "actions":
         return Quantity("largest |action|", (limit.value,), lambda qpos, action: np.abs(action).max(axis=-1), wall=False)
     hidden = len(unobserved(body))
     joint = hidden + limit.bounds  # the hidden joints are the first ones
-    return Quantity(joint_label(body, joint), (limit.value,), lambda qpos, action: qpos[..., joint], wall=joint == 0)
+    if joint >= body.model.njnt:
+        return None
+    return Quantity(joint_label(body, joint), limit.lines, lambda qpos, action: qpos[..., joint], wall=joint == 0)
 
 
 def _note(body: Body) -> str:

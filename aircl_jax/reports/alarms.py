@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from aircl_jax.methods import Method
-from aircl_jax.settings.env_defaults import has_own_settings
+from aircl_jax.settings.env_defaults import GUESTS, has_own_settings
 from envs import Env
 
 
@@ -33,7 +33,8 @@ def untuned(env: Env) -> list[str]:
     """One sentence where an environment has no settings of its own; none where it has."""
     if has_own_settings(env):
         return []
-    return [f"env={env.name} runs with untuned settings: what `config` does not name is the default of TrainConfig."]
+    rest = "those of the shipped robots" if env.registered and env.name in GUESTS else "the default of TrainConfig"
+    return [f"env={env.title} runs with untuned settings: what `config` does not name is {rest}."]
 
 
 def not_looked_for(method: Method, env: Env) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Any
 from aircl_jax.reports import markdown
 from aircl_jax.reports.summary import MEANINGS, SWAP_MEANINGS
 from aircl_jax.runs.directory import FIGURES, REPORT
+from aircl_jax.settings.env_defaults import GUESTS
 from envs import ENVS
 
 
@@ -80,11 +81,11 @@ def closing(summary: Mapping[str, Any], alarms: Sequence[str], run_dir: str) -> 
 
 def suggestions(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """List commands to try after a run, each with its purpose."""
-    env, method = summary["env"].partition(" ")[0], summary["method"]
+    (env, _, of), method = summary["env"].partition(" "), summary["method"]
     baseline = "airl_centred" if method != "airl_centred" else "aircl_corrected"
     if env not in ENVS:  # an environment passed from Python, which the command line does not know
         return [(f'train(env, "{baseline}")', "without a constraint, or with one: what the feasibility adds")]
-    run = f"python -m experiments.run env={env}"
+    run = f"python -m experiments.run env={env}" + (f" env.task={of}" if env in GUESTS else "")
     return [
         (f"{run} method={baseline}", "without a constraint, or with one: what the feasibility adds"),
         (f"{run} method={method} first_seed=100 run_dir=runs/{env}/{method}_from_100", "other seeds"),

@@ -34,6 +34,10 @@ _ANIMALS = TrainConfig(
 )
 
 
+# Worlds of other libraries have the shipped robots' settings, which nobody has tuned for them.
+GUESTS = ("brax", "gymnasium")
+
+
 # The paper's Table 2: what its own rows run with.
 PAPER: dict[str, TrainConfig] = {
     "gridworld": _GRID,
@@ -45,6 +49,7 @@ PAPER: dict[str, TrainConfig] = {
     "pendulum": _PENDULUM,
     "meerkat": _ANIMALS,
     "labyrinth": _ANIMALS,
+    **dict.fromkeys(GUESTS, _ROBOT),
 }
 
 
@@ -153,6 +158,8 @@ CONTRAST: dict[str, TrainConfig] = {
     "halfcheetah": _CONTRAST_WALKER,
     "hopper": _CONTRAST_WALKER,
     "pendulum": replace(_CONTRAST_ROBOT, num_trajectories=80),
+    **dict.fromkeys(GUESTS, _CONTRAST_ROBOT),
+    "gymnasium": replace(_CONTRAST_ROBOT, num_trajectories=40),
 }
 
 
@@ -167,6 +174,7 @@ TUNED: dict[str, TrainConfig] = {
     "pendulum": _tuned_robot(_PENDULUM),
     "meerkat": _TUNED_ANIMALS,
     "labyrinth": _TUNED_ANIMALS,
+    **dict.fromkeys(GUESTS, _tuned_robot(_ROBOT)),
 }
 
 
@@ -181,8 +189,8 @@ def default_method(env_name: str) -> str:
 
 
 def has_own_settings(env: Env) -> bool:
-    """Whether an environment of the registry is in the tables; any other runs with the defaults of TrainConfig."""
-    return env.registered and env.name in PAPER and env.name in TUNED
+    """Whether an environment of the registry has settings that were chosen for it."""
+    return env.registered and env.name in PAPER and env.name in TUNED and env.name not in GUESTS
 
 
 def default_config(env_name: str, settings: Literal["paper", "tuned", "contrast"]) -> TrainConfig:

@@ -2,18 +2,25 @@
 
 A constraint of your own is a function and a row:
 
-    def too_high(qpos, action, limit):
-        return qpos[1] > limit
+    def astride(qpos, action, limit):
+        return abs(qpos[3] - qpos[6]) > limit
 
-    CONSTRAINTS["height"] = {"walker": Constraint(too_high, limit=1.4)}
+    CONSTRAINTS["stride"] = {"walker": Constraint(astride, limit=0.8)}
+
+What every body has by its joints (speed, height, tilt, one joint) needs no row: envs/measures.py.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
+
+from envs.base import Limit
+from envs.measures import bound_of, measures_of, names_of
+from envs.options import RobotOptions
+from envs.robots.tasks import RobotState
 
 Predicate = Callable[[Float[Array, " Q"], Float[Array, " A"], float], Bool[Array, ""]]
 
@@ -78,9 +85,41 @@ def limit_of(constraint: Constraint, asked: float | str) -> float:
     return constraint.limit if isinstance(asked, str) else float(asked)
 
 
-def find_constraint(name: str, body: str) -> Constraint:
-    """Find the row of CONSTRAINTS for this body. Raises ValueError where the body has no such constraint."""
-    choices = [known for known, bodies in CONSTRAINTS.items() if body in bodies]
-    if name not in choices:
-        raise ValueError(f"unknown constraint {name!r} of {body}; choose from {', '.join(choices)}")
-    return CONSTRAINTS[name][body]
+class Rule(NamedTuple):
+    """What the settings of one robot forbid."""
+
+    violated: Callable[[RobotState, Float[Array, " A"]], Bool[Array, ""]]
+    of: Literal["state", "state_action"]
+    task: Literal["forward", "wall"]
+    limit: Limit | None  # its bounds are a coordinate of [qpos, qvel]; None: nothing is forbidden
+    is_default: bool  # of a row of CONSTRAINTS, at its own limit
+
+
+def find_rule(body: str, options: RobotOptions, model: Any) -> Rule:
+    """Find what these settings forbid: a row of CONSTRAINTS for this body, or a quantity that the body has.
+
+    Raises ValueError, in one line, where the body has no such constraint, or a setting is missing or of another one.
+    """
+    name, measures = options.constraint, measures_of(model)
+    if body not in CONSTRAINTS.get(name, {}):
+        rows = [known for known, bodies in CONSTRAINTS.items() if body in bodies]
+        choices = [*rows, *(known for known in names_of(measures) if known not in rows)]
+        if name not in choices:
+            raise ValueError(f"unknown constraint {name!r} of {body}; choose from {', '.join(choices)}")
+        bound = bound_of(body, measures, name, limit=options.limit, side=options.side, joint=options.joint)
+        line = Limit(name, bound.limit, bound.measure.shown_by, both_sides=bound.side == "outside")
+        return Rule(lambda state, action: bound.violated(*state), "state", "forward", line, is_default=False)
+    row = CONSTRAINTS[name][body]
+    if options.side != "default" or options.joint:
+        given = f"env.joint={options.joint}" if options.joint else f"env.side={options.side}"
+        raise ValueError(f"{given}: env.constraint={name} of {body} has neither side nor joint to choose; leave it out")
+    limit = limit_of(row, options.limit)
+    line = None if row.violated is never else Limit(name, limit, row.bounds)
+    return Rule(
+        lambda state, action: row.violated(state.qpos, action, limit), row.of, row.task, line, is_default=limit == row.limit
+    )
+
+
+def task_of(name: str, body: str) -> Literal["forward", "wall"]:
+    """Which of the body's tasks goes with a constraint."""
+    return CONSTRAINTS[name][body].task if body in CONSTRAINTS.get(name, {}) else "forward"

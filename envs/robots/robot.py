@@ -6,7 +6,7 @@ import io
 from collections.abc import Callable
 from importlib import resources
 from types import ModuleType
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from envs.base import Env, Limit, Step
 from envs.checks import check_predicate
 from envs.options import RobotOptions
 from envs.robots.bodies import Body
-from envs.robots.constraints import Constraint, find_constraint, limit_of, never
+from envs.robots.constraints import find_rule
 from envs.robots.factors import AS_SHIPPED, BodyOptions, change
 from envs.robots.planar.dynamics import planar_physics
 from envs.robots.rewards import rewarded
@@ -58,21 +58,20 @@ def make_pendulum(options: RobotOptions) -> Env:
 
 
 def _make(name: str, options: RobotOptions) -> Env:
-    constraint = find_constraint(options.constraint, name)
-    limit = limit_of(constraint, options.limit)
     body, box, height = ROBOTS[name].body, ROBOTS[name].action_space, ROBOTS[name].height
-    task = rewarded(ROBOTS[name].tasks[constraint.task], name, options)
+    model = compile_model(body, options.integrator, options.body)
+    rule = find_rule(name, options, model)
+    task = rewarded(ROBOTS[name].tasks[rule.task], name, options)
     length = getattr(options.body, "length", 1.0)
     if height is not None and length != 1.0:
         task = sized(task, height, length)
-    model = compile_model(body, options.integrator, options.body)
     physics = ENGINES[options.engine](model, body, options.integrator)
     dt = float(model.opt.timestep) * body.frame_skip
     rest = RobotState(jnp.array(model.qpos0, jnp.float32), jnp.zeros(model.nv))
     check_predicate(
         f"constraint {options.constraint!r} of {name}",
-        lambda qpos, action: constraint.violated(qpos, action, limit),
-        rest.qpos,
+        rule.violated,
+        rest,
         jax.ShapeDtypeStruct(box.shape, jnp.float32),
     )
     hidden = model.nq + model.nv - task.observe(rest).size  # joints whose position is not observed, the first ones
@@ -94,7 +93,7 @@ def _make(name: str, options: RobotOptions) -> Env:
         return after, Step(
             obs=task.observe(after),
             reward=jnp.where(sound, task.reward(state, moved, action, dt), 0.0),
-            cost=(sound & constraint.violated(after.qpos, action, limit)).astype(jnp.float32),
+            cost=(sound & rule.violated(after, action)).astype(jnp.float32),
             terminated=(~sound | fallen).astype(jnp.float32),
         )
 
@@ -105,10 +104,10 @@ def _make(name: str, options: RobotOptions) -> Env:
         action_space=box,
         reset=reset,
         step=step,
-        constraint_input=constraint.of,
-        shipped_demonstrations=_shipped(name, options) if limit == constraint.limit else None,
+        constraint_input=rule.of,
+        shipped_demonstrations=_shipped(name, options) if rule.is_default else None,
         view=_view(model, hidden),
-        limit=None if constraint.violated is never else Limit(options.constraint, limit, _bounds(constraint, hidden)),
+        limit=_observed(rule.limit, hidden),
     )
 
 
@@ -124,11 +123,11 @@ def _view(model: Any, hidden: int) -> Coordinates:
     )
 
 
-def _bounds(constraint: Constraint, hidden: int) -> int | Literal["actions"] | None:
-    """Turn what the constraint bounds into a coordinate of the observation; None where it is not observed."""
-    if constraint.bounds is None or constraint.bounds == "actions":
-        return constraint.bounds
-    return constraint.bounds - hidden if constraint.bounds >= hidden else None
+def _observed(limit: Limit | None, hidden: int) -> Limit | None:
+    """Turn what the limit bounds, a coordinate of [qpos, qvel], into one of the observation; None where it is not observed."""
+    if limit is None or not isinstance(limit.bounds, int):
+        return limit
+    return limit._replace(bounds=limit.bounds - hidden if limit.bounds >= hidden else None)
 
 
 def _spoken(name: str) -> str:

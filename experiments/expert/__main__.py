@@ -14,6 +14,7 @@ from envs import ENVS
 from envs.options import RobotOptions
 from envs.registry import build, options_of
 from envs.settings import at_least, plain, updated
+from envs.simulators.options import GuestOptions
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import QUIET, hydra_node, store
 
@@ -22,14 +23,14 @@ HELP = f"""Train experts and write demonstrations and a reference set.
   python -m experiments.expert env=swimmer
   python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
 
-env          a robot; env.NAME=VALUE changes a setting of it. {", ".join(EXPERTS)} are trained by PPO-Lagrangian,
-             every other task by the learner of the swap tests
+env          a robot, or brax or gymnasium with env.task; env.NAME=VALUE changes a setting of it. {", ".join(EXPERTS)} are
+             trained by PPO-Lagrangian, every other task by the learner of the swap tests
 seeds        number of experts under the constraint, from first_seed on; free_seeds: number of those without it, which follow
 iterations   number of iterations; the learning rate falls to 0 at the last one
 run_dir      folder of the run; resume=true continues a run that is there, overwrite=true starts again
 episodes     number of demonstrations to write; none of them violates
 reference    number of episodes of each of the reference set's seven groups
-out          folder of the two files, ENV_CONSTRAINT.npz and ENV_CONSTRAINT_reference.npz; run_dir by default
+out          folder of the two files, ENV_CONSTRAINT.npz (ENV_TASK_CONSTRAINT.npz) and …_reference.npz; run_dir by default
 train        settings of the learner, as in train.ppo.learning_rate=0.001; default: those of the task
 
 $CONFIG
@@ -75,9 +76,9 @@ def register() -> None:
 def train(composed: Composed) -> None:
     """Check the settings; then train, measure and choose experts and write their episodes."""
     name, values = composed.env, dict(composed.values)
-    robots = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions)]
-    if name not in robots:
-        raise ValueError(f"env={name} has no expert to train; choose from {', '.join(robots)}")
+    able = [known for known, row in ENVS.items() if issubclass(row.options, RobotOptions | GuestOptions)]
+    if name not in able:
+        raise ValueError(f"env={name} has no expert to train; choose from {', '.join(able)}")
     env_values, train_values = values.pop("env"), values.pop("train")
     settings = updated(ExpertSettings(), values)
     for field in ("seeds", "free_seeds", "episodes", "reference"):
@@ -96,9 +97,9 @@ def train(composed: Composed) -> None:
 
     words = [word for word in composed.words if not word.startswith(("resume=", "overwrite="))]
     task = Task(
-        name=f"{name}_{options.constraint}",
+        name="_".join(part for part in (name, getattr(options, "task", ""), options.constraint) if part),
         env=env,
-        practice=build(name, replace(options, terminate=options.terminate or tuned.restart)),
+        practice=build(name, _ending(options, tuned.restart)),
         env_settings={"name": name, **plain(asdict(options))},
         config=tuned,
         seeds=settings.seeds,
@@ -111,6 +112,11 @@ def train(composed: Composed) -> None:
     )
     mode = existing(settings.resume, settings.overwrite)
     run(task, open_run(Path(settings.run_dir), task.settings, task.checkpoint_every, mode))
+
+
+def _ending(options: Any, restart: bool) -> Any:
+    """Give the practice world an early end where the expert restarts; some worlds have no other way."""
+    return replace(options, terminate=options.terminate or restart) if hasattr(options, "terminate") else options
 
 
 def _all_default(config: Any) -> dict[str, Any]:

@@ -6,14 +6,16 @@ import pytest
 
 from aircl_jax.methods import get_method
 from aircl_jax.reports.alarms import alarms, not_looked_for, untuned
-from aircl_jax.settings.env_defaults import TUNED, config_of
+from aircl_jax.settings.env_defaults import GUESTS, TUNED, config_of
 from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS, make_env
 
 
 def test_every_shipped_world_has_settings_of_its_own():
     grid = make_env("gridworld")
-    assert [sentence for name in ENVS for sentence in untuned(replace(grid, name=name))] == []
+    of_all = {name: untuned(replace(grid, name=name)) for name in ENVS}
+    assert [name for name, sentences in of_all.items() if sentences] == list(GUESTS)
+    assert of_all["brax"][0].endswith("what `config` does not name is those of the shipped robots.")
 
 
 def test_a_world_without_settings_of_its_own_is_named_in_one_line():
