@@ -8,7 +8,7 @@ from typing import Any
 from envs import options
 from envs.base import Env
 from envs.settings import updated
-from envs.simulators.options import BraxOptions, GymnasiumOptions
+from envs.simulators.options import BraxOptions, GymnasiumOptions, PlaygroundOptions
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ ENVS: dict[str, EnvRow] = {
     "meerkat": EnvRow(options.MeerkatOptions, "envs.animals.meerkat:make_meerkat"),
     "labyrinth": EnvRow(options.LabyrinthOptions, "envs.animals.labyrinth:make_labyrinth"),
     "brax": EnvRow(BraxOptions, "envs.simulators.brax:make_brax"),
+    "playground": EnvRow(PlaygroundOptions, "envs.simulators.playground:make_playground"),
     "gymnasium": EnvRow(GymnasiumOptions, "envs.simulators.gymnasium:make_gymnasium"),
 }
 

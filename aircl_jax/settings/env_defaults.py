@@ -35,7 +35,7 @@ _ANIMALS = TrainConfig(
 
 
 # Worlds of other libraries have the shipped robots' settings, which nobody has tuned for them.
-GUESTS = ("brax", "gymnasium")
+GUESTS = ("brax", "playground", "gymnasium")
 
 
 # The paper's Table 2: what its own rows run with.

@@ -32,6 +32,15 @@ class BraxOptions(GuestOptions):
 
 
 @dataclass(frozen=True)
+class PlaygroundOptions(GuestOptions):
+    """A task of MuJoCo Playground."""
+
+    task: str = "CartpoleBalance"
+    observation: str = ""  # which of its observations is seen, where it has several by name
+    terminate: bool = False  # the task's early end instead of a fixed horizon
+
+
+@dataclass(frozen=True)
 class GymnasiumOptions(GuestOptions):
     """A registered environment of Gymnasium, which is not JAX: every step is a call of the host."""
 
