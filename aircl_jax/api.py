@@ -12,6 +12,7 @@ import jax.numpy as jnp
 
 from aircl_jax.algorithm.evaluation import evaluate as evaluate_seed
 from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.analysis.activities import maps_of_activities
 from aircl_jax.defects import Attempts
 from aircl_jax.demonstrations import sources
 from aircl_jax.messages import warn
@@ -157,7 +158,7 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
     with disk(directory.path, THEN):
         figures = of_a_run.write_figures(result, directory.path / FIGURES, attempt, stop)
         words = attempt("the reading in plain words", lambda: reading(result), "")
-        maps = attempt("the maps", lambda: maps_of_a_grid(spec, result.networks, result.states, result.expert), {})
+        maps = attempt("the maps", lambda: _maps(result), {})
         card = attempt("the card", lambda: card_of(result), None)
     directory.write_maps(maps)
     if card is not None:
@@ -173,6 +174,14 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
         directory.write_page(page)
     directory.write_report(report)
     return replace(result, defects=tuple(attempt.failed))
+
+
+def _maps(result: Result) -> Mapping[str, Any]:
+    """Collect the arrays of recovered.npz; none where the world has no such maps."""
+    spec = result.spec
+    if spec.method.is_fitted:
+        return maps_of_activities(spec.env.view, result.states)
+    return maps_of_a_grid(spec, result.networks, result.states, result.expert)
 
 
 def _kept_summary(directory: RunDirectory, spec: RunSpec) -> Mapping[str, Any] | None:

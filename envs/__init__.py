@@ -4,11 +4,12 @@ from envs.base import Box, Discrete, Env, Limit, Recorded, Shipped, SoftOptimalE
 from envs.brax_adapter import adapt
 from envs.registry import ENVS, make_env
 from envs.robots.constraints import CONSTRAINTS, Constraint
-from envs.views import Codes, Coordinates, Grid, Maze
+from envs.views import Activities, Codes, Coordinates, Grid, Maze
 
 __all__ = [
     "CONSTRAINTS",
     "ENVS",
+    "Activities",
     "Box",
     "Codes",
     "Constraint",

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from aircl_jax.animals.steps import Recordings, recordings_of
 from envs.animals.columns import ColumnMapping
+from envs.animals.full.steps import Recordings, recordings_of
 from envs.animals.tracks import Tracks
 from envs.animals.windows import code_rows
 
