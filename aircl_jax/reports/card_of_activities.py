@@ -69,6 +69,18 @@ def activities_in_words(result: Result) -> str:
     )
 
 
+def beside_counting(result: Result) -> str:
+    """Say of a run on windows of codes what it gains over counting, and which command asks what it does not."""
+    row = result.summary["metrics"].get("chain_gain")
+    gain = ""
+    if row is not None:
+        gain = f"This run's policy gains {_gain(row)} nats a step over a first-order chain; both have seen the windows. "
+    return (
+        f"{gain}When the animals leave an activity, and what draws them where, is asked by `{COMMAND}` or method=behaviour "
+        "(docs/animals.md)."
+    )
+
+
 def _gain(row: Mapping[str, Any]) -> str:
     """Write a mean over seeds with its spread; a seed that drew every recording has none."""
     values = np.array([value for value in row["per_seed"] if value is not None], float)

@@ -19,7 +19,7 @@ from aircl_jax.analysis.recovered import (
     rewarding,
 )
 from aircl_jax.reports import markdown
-from aircl_jax.reports.card_of_activities import activities_in_words
+from aircl_jax.reports.card_of_activities import activities_in_words, beside_counting
 from aircl_jax.runs.result import Result
 from envs import Codes
 
@@ -33,7 +33,7 @@ def reading(result: Result) -> str:
         return activities_in_words(result)
     if not isinstance(env.view, Codes) or env.tabular is None:
         return ""
-    return in_words(recover(result, env.tabular), env.view)
+    return in_words(recover(result, env.tabular), env.view) + f"\n\n**Beside counting.** {beside_counting(result)}"
 
 
 def in_words(recovered: Recovered, codes: Codes, number: int = 12) -> str:
