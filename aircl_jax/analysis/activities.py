@@ -28,6 +28,11 @@ class Found(NamedTuple):
     made: Float[np.ndarray, "C C"]  # n in all recordings
     possible: Bool[np.ndarray, "C C"]
 
+    @property
+    def middle(self) -> Float[np.ndarray, "C C"]:
+        """The median M over samples: a sample that flags an activity's other ways in expects it many times more by this one."""
+        return np.median(self.expected, axis=0)
+
 
 def found_of(result: Result) -> Found:
     """Collect what was found. Raises TypeError for a run that was not fitted to whole recordings."""
@@ -58,8 +63,8 @@ def collect(view: object, states: TrainState) -> Found:
 
 
 def as_changes(found: Found) -> Changes:
-    """Set n of all recordings beside the samples' mean M, as the test of changes has them; groups are not counted."""
-    expected = found.expected.mean(axis=0)
+    """Set n of all recordings beside the samples' median M, as the test of changes has them; groups are not counted."""
+    expected = found.middle
     nobody = np.zeros(expected.shape, dtype=np.int64)
     posterior = 1.0 - found.delta.mean(axis=0)
     return Changes(

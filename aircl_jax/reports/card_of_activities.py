@@ -64,7 +64,7 @@ def activities_in_words(result: Result) -> str:
         "recording in turn.",
         "**Where they go.** Reward of beginning an activity at a place, above the place's mean.",
         markdown.table(("what", "reward, nats"), draws) if draws else "Nothing stands out.",
-        "**What they avoid.** n times made in all recordings, M times expected were the pair ordinary (mean over samples).",
+        "**What they avoid.** n times made in all recordings, M times expected were the pair ordinary (median over samples; one in which a recording is drawn twice flags more readily).",
         markdown.table(("change", "made", "expected", "how it is known"), avoided) if avoided else "No change is flagged.",
     )
 

@@ -22,14 +22,14 @@ FEW = 5  # begun fewer times than this: drawn pale
 
 
 def of_a_run(result: Result) -> Iterator[Drawing]:
-    """Draw rewards by place, the mean over bootstrap samples, and n beside the mean M; boxed: flagged in most samples."""
+    """Draw rewards by place, the mean over bootstrap samples, and n beside the median M; boxed: flagged in most samples."""
     found = found_of(result)
     recordings, names = found.recordings, found.recordings.names
     places = recordings.places if "places" not in recordings.lacks else ("anywhere",)
     shown = recordings.num_behaviours
     yield reward_map(found.reward.mean(axis=0)[:, :shown], found.begun[:, :shown], places, names[:shown])
     flagged = (found.delta < FORBIDDEN_BELOW).mean(axis=0) > MOST
-    yield expected_changes(found.expected.mean(axis=0), found.made, flagged & found.possible, found.possible, names)
+    yield expected_changes(found.middle, found.made, flagged & found.possible, found.possible, names)
 
 
 def reward_map(
