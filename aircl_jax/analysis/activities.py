@@ -30,7 +30,7 @@ class Found(NamedTuple):
 
     @property
     def middle(self) -> Float[np.ndarray, "C C"]:
-        """The median M over samples: a sample that flags an activity's other ways in expects it many times more by this one."""
+        """The median M over samples; it is the greater the more other ways into an activity a sample flags."""
         return np.median(self.expected, axis=0)
 
 

@@ -64,7 +64,8 @@ def activities_in_words(result: Result) -> str:
         "recording in turn.",
         "**Where they go.** Reward of beginning an activity at a place, above the place's mean.",
         markdown.table(("what", "reward, nats"), draws) if draws else "Nothing stands out.",
-        "**What they avoid.** n times made in all recordings, M times expected were the pair ordinary (median over samples; one in which a recording is drawn twice flags more readily).",
+        "**What they avoid.** Times made in all recordings, and expected were the pair ordinary (median over samples). A "
+        "sample that holds a recording twice flags more readily, and M grows with the pairs that are ruled out beside it.",
         markdown.table(("change", "made", "expected", "how it is known"), avoided) if avoided else "No change is flagged.",
     )
 
