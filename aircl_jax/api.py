@@ -12,6 +12,7 @@ import jax.numpy as jnp
 
 from aircl_jax.algorithm.evaluation import evaluate as evaluate_seed
 from aircl_jax.algorithm.trainer import make_trainer
+from aircl_jax.analysis.activities import maps_of_activities
 from aircl_jax.defects import Attempts
 from aircl_jax.demonstrations import sources
 from aircl_jax.messages import warn
@@ -53,12 +54,14 @@ def train(
     overwrite: bool = False,
     command: str = "",
     recorders: Sequence[Recorder] = (),
+    notes: Sequence[str] = (),
 ) -> Result:
     """Learn a reward, a constraint and a policy from demonstrations.
 
     By default `method`, `iterations`, `demonstrations` and `config` are the environment's own; `config` may be a nested mapping
     of the fields to change. With `run_dir` everything is also kept there, and `resume` continues it.
     Each of `recorders` is told of every chunk, after it has been kept; what one of them raises ends the run.
+    `notes` are sentences that the run's report and card repeat.
 
     Raises:
         ValueError: in one line, before anything is written, for whatever does not fit.
@@ -80,7 +83,7 @@ def train(
     directory = None
     if run_dir is not None:
         directory = open_run(Path(run_dir), spec.settings, spec.config.checkpoint_every, existing(resume, overwrite))
-    return _train(spec, directory, command, recorders)
+    return _train(spec, directory, command, recorders, notes)
 
 
 def load(run_dir: str | Path) -> Result:
@@ -107,7 +110,9 @@ def load(run_dir: str | Path) -> Result:
     return _result(spec, networks, states, expert, reference, summary, directory)
 
 
-def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorders: Sequence[Recorder]) -> Result:
+def _train(
+    spec: RunSpec, directory: RunDirectory | None, command: str, recorders: Sequence[Recorder], notes: Sequence[str]
+) -> Result:
     stopwatch = Stopwatch()
     trainer = make_trainer(spec.env, spec.method, spec.config)
     runner, networks = make_runner(trainer, spec.seeds), trainer.networks
@@ -140,12 +145,12 @@ def _train(spec: RunSpec, directory: RunDirectory | None, command: str, recorder
             summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, record.timing())
             result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
-            result = _keep(result, directory, command, stop)
+            result = _keep(result, directory, command, stop, notes)
     relieve()
     return result
 
 
-def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[[], None]) -> Result:
+def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[[], None], notes: Sequence[str]) -> Result:
     """Write the summary, then all that could fail for a fault of ours, and last the report; a failure costs nothing else."""
     from aircl_jax.figures import of_a_run
     from aircl_jax.reports.card import as_json, as_markdown, card_of
@@ -157,15 +162,17 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
     with disk(directory.path, THEN):
         figures = of_a_run.write_figures(result, directory.path / FIGURES, attempt, stop)
         words = attempt("the reading in plain words", lambda: reading(result), "")
-        maps = attempt("the maps", lambda: maps_of_a_grid(spec, result.networks, result.states, result.expert), {})
+        maps = attempt("the maps", lambda: _maps(result), {})
         card = attempt("the card", lambda: card_of(result), None)
     directory.write_maps(maps)
     if card is not None:
+        card = {**card, "cannot_tell": [*card["cannot_tell"], *notes]}
         directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))
     if command:
         command = command_prefix(spec.env_settings.get("data"), spec.env.simulated) + command
     alarms = [*result.alarms, *attempt.failed]
     account = spec.env.recorded.account if spec.env.recorded is not None else ()
+    words = "\n\n".join(filter(None, [words, *notes]))
     report = run_report.report(result.summary, alarms, figures, command, words, account)
     with disk(directory.path, THEN):
         page = attempt("the HTML report", lambda: page_of(directory.path, report), None)
@@ -173,6 +180,14 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
         directory.write_page(page)
     directory.write_report(report)
     return replace(result, defects=tuple(attempt.failed))
+
+
+def _maps(result: Result) -> Mapping[str, Any]:
+    """Collect the arrays of recovered.npz; none where the world has no such maps."""
+    spec = result.spec
+    if spec.method.is_fitted:
+        return maps_of_activities(spec.env.view, result.states)
+    return maps_of_a_grid(spec, result.networks, result.states, result.expert)
 
 
 def _kept_summary(directory: RunDirectory, spec: RunSpec) -> Mapping[str, Any] | None:

@@ -19,12 +19,11 @@ class Method:
     centred: bool = False  # the logits of D are taken less their mean over both sets, and π is paid f less its mean over D_E
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
-    learner: Literal["ppo", "cloning", "twins"] = (
-        "ppo"  # twins: one policy by PPO-Lagrangian, one by f alone (docs/equations.md)
-    )
+    # twins: one policy by PPO-Lagrangian, one by f alone (docs/equations.md); likelihood: no policy is trained, all is fitted
+    learner: Literal["ppo", "cloning", "twins", "likelihood"] = "ppo"
     state_reward: bool = False  # f(s, a) = g(s) + E[h(s')] − h(s), h linear in where one is; else f(s, a) is any function
     tests_entries: bool = False  # δ₁ is of the state that a step enters and is paid on the way in; else of the step itself
-    settings: Literal["paper", "tuned", "contrast"] = "paper"  # which defaults of `config` it runs with
+    settings: Literal["paper", "tuned", "contrast", "likelihood"] = "paper"  # which defaults of `config` it runs with
 
     @property
     def learns_feasibility(self) -> bool:
@@ -66,6 +65,11 @@ class Method:
     def has_twin(self) -> bool:
         """Whether θ follows the moments and a policy of f alone says what was tempting: worlds without a table."""
         return self.learner == "twins"
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether reward, feasibility and policy are one fit by likelihood to whole recordings (docs/animals.md)."""
+        return self.learner == "likelihood"
 
     @property
     def is_linear(self) -> bool:
@@ -147,6 +151,9 @@ METHODS: dict[str, Method] = {
         sampled_from="pool",
         tests_entries=False,
     ),
+    "behaviour": Method(
+        reward="learned", discriminator_of="none", feasibility="step", terms=(), learner="likelihood", settings="likelihood"
+    ),
     "bc": replace(_AIRL, discriminator_of="none", terms=(), learner="cloning"),
 }
 
@@ -164,6 +171,8 @@ def get_method(name: str, contrast_prior: Literal["method", "on", "off"] = "meth
         return method
     if not method.learns_feasibility:
         raise ValueError(f"contrast_prior={contrast_prior!r}: {name} has no feasibility; choose 'method'")
+    if method.is_fitted:
+        raise ValueError(f"contrast_prior={contrast_prior!r}: {name} is fitted by likelihood alone; choose 'method'")
     if method.state_reward and contrast_prior == "on":
         raise ValueError(f"contrast_prior='on': {name} has no f(τ) to drive apart from δ̄(τ) as Eq. 13 does; choose 'method'")
     terms = tuple(term for term in method.terms if term != "contrast")

@@ -5,11 +5,12 @@ from envs.brax_adapter import adapt
 from envs.registry import ENVS, make_env
 from envs.robots.constraints import CONSTRAINTS, Constraint
 from envs.simulators.gymnasium import from_gymnasium
-from envs.views import Codes, Coordinates, Grid, Maze
+from envs.views import Activities, Codes, Coordinates, Grid, Maze
 
 __all__ = [
     "CONSTRAINTS",
     "ENVS",
+    "Activities",
     "Box",
     "Codes",
     "Constraint",

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
-from envs.views import BY_NUMBER, Codes, Coordinates, Maze, View
+from envs.views import BY_NUMBER, Activities, Codes, Coordinates, Maze, View
 
 
 class Step(NamedTuple):
@@ -118,6 +118,7 @@ class Recorded(NamedTuple):
     simulated: bool = False  # stands in for recordings of animals
     account: tuple[str, ...] = ()  # what was read, and what was left out of it and why
     warnings: tuple[str, ...] = ()  # what to know of the data before anything learns from them
+    groups: Callable[[], Any] | None = None  # number of the recording of each demonstration, [N]; None: not told
 
 
 class Shipped(NamedTuple):
@@ -199,6 +200,7 @@ class Env:
     def coordinate_names(self) -> tuple[str, ...]:
         """What figures call the coordinates of an observation."""
         named = self.view.names if isinstance(self.view, Coordinates) else ()
+        named = self.view.coordinates if isinstance(self.view, Activities) else named
         return named or tuple(f"coordinate {index}" for index in range(self.obs_size))
 
     @property

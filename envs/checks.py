@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from envs.base import Box, Discrete, Env, Step
 from envs.indexing import first_beyond
 from envs.options import LONGEST
-from envs.views import Codes, Coordinates, Grid, Maze
+from envs.views import Activities, Codes, Coordinates, Grid, Maze
 
 CONSTRAINT_INPUTS = get_args(get_type_hints(Env)["constraint_input"])
 GYMNASIUM = 5  # values that Gymnasium's step returns
@@ -116,7 +116,7 @@ def _of_the_view(env: Env) -> Iterator[str]:
     match env.view:
         case Grid(size=size):
             number = size**2
-        case Codes(names=names):
+        case Codes(names=names) | Activities(coordinates=names):
             number = len(names)
         case Maze(position=position):
             number = len(position)

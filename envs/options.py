@@ -136,11 +136,16 @@ class MeerkatOptions(Options):
     data: str = "default"  # folder of tables; default: that of the variable AIRCL_DATA, else simulated; simulated
     mapping: str = "meerkat"  # which column is which: a name in envs/animals/mappings, or a YAML file
     coding: Literal["bout", "step"] = "bout"  # what becomes "moving to a place"; envs.animals.windows.code_rows
-    state: Literal["code", "place"] = "code"  # place: the place and the counts of close and distant neighbours
+    # place: the place and the counts of close and distant neighbours; full: all that the behaviour model sees; default: code,
+    # and full where the method is fitted by likelihood
+    state: Literal["default", "code", "place", "full"] = "default"
     pups: bool = False  # also the animals whose behaviour was not annotated, with a code of their own
     horizon: int = 30  # steps of one row (1 s); Table 2
     split: Literal["all", "train", "held_out"] = "all"  # of the recordings: what is learned from
     fold: int = 0  # which two recordings are held out of the split "train"
+
+    def resolved(self) -> "MeerkatOptions":
+        return replace(self, state="code") if self.state == "default" else self
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,15 @@
 """How a world is drawn and what its observations and actions are called: `Env.view` is one of these."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from envs.layouts import Cell
+
+if TYPE_CHECKING:
+    from envs.animals.full.steps import Recordings
 
 
 class Coordinates(NamedTuple):
@@ -48,6 +51,13 @@ class Maze(NamedTuple):
     marks: dict[str, int]  # the nodes that have a name
 
 
+class Activities(NamedTuple):
+    """A world of activities at places: `envs.animals.full.observation` reads what an observation holds of an animal."""
+
+    coordinates: tuple[str, ...]
+    recordings: "Recordings"
+
+
 BY_NUMBER = Coordinates()
 
-View = Coordinates | Grid | Codes | Maze
+View = Coordinates | Grid | Codes | Maze | Activities

@@ -2,8 +2,9 @@
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from aircl_jax.messages import say
 from aircl_jax.recorders.logger import Run as Logged
@@ -44,6 +45,7 @@ def run(composed: Composed) -> int:
             config=train_settings,
             command=shlex.join(["python", "-m", "experiments.run", *composed.words]),
             recorders=[reporter, *loggers],
+            notes=_notes(composed.env, settings.method, env_settings),
             **{name: value for name, value in vars(settings).items() if name != "log"},
         )
     finally:
@@ -58,6 +60,16 @@ def run(composed: Composed) -> int:
     if page.exists():
         say(f"\nRead it in a browser: {page.resolve().as_uri()}")
     return DEFECT if result.defects else DONE
+
+
+def _notes(env: str, method: str, env_settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Say of the meerkats what this method and the behaviour model gain over counting, where the results are kept."""
+    from aircl_jax.settings.env_defaults import default_method
+    from experiments.shared.kept_gains import gains_over_the_chain
+
+    if env != "meerkat" or env_settings.get("mapping") != "meerkat":
+        return ()
+    return gains_over_the_chain(default_method(env) if method == "default" else method)
 
 
 if __name__ == "__main__":

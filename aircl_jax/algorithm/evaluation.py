@@ -21,7 +21,9 @@ from aircl_jax.demonstrations.soft_optimal import occupancy, soft_value_iteratio
 from aircl_jax.model.feasibility import log_feasibility
 from aircl_jax.model.networks import BoundNetworks, Networks
 from aircl_jax.types import Metrics, Scores, TrainState, Trajectory
+from envs import Activities, Codes
 
+SMOOTHING = 0.01  # pseudo-count of the chain that has seen what it is asked
 TV_BINS = 16  # bins per coordinate of s̃, between −4 and 4, for the occupancies of worlds that are not tabular
 
 
@@ -49,6 +51,8 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
         "expert_goal_rate": goal_rate(expert, env.success_return),
         "occupancy_tv": occupancy_tv(nets, expert, policy),
         "log_std_at_bound": _log_std_at_bound(nets),
+        **_next_codes(nets, expert, expert_scores),
+        **(state.adversary_opt._asdict() if networks.method.is_fitted else {}),
     }
     finite = all_finite((state.params, jnp.where(policy.mask[..., None] > 0, policy.obs, 0.0)))
     return {name: jnp.where(finite, metric, jnp.nan) for name, metric in metrics.items()}
@@ -114,7 +118,7 @@ def _reward_metrics(nets: BoundNetworks, policy: Trajectory, scores: Scores, ref
         return dict.fromkeys(names, undefined)
 
     def agreement(f: Float[Array, "N T"], trajectories: Trajectory) -> Float[Array, ""]:
-        feasible = trajectories.mask * (1.0 - trajectories.cost)
+        feasible = trajectories.mask * (1.0 - trajectories.cost) * _spoken_of(nets, trajectories)
         return correlation(f, trajectories.reward, feasible) if nets.env.has_reward else undefined
 
     return {
@@ -133,6 +137,27 @@ def _violation_reward_only(nets: BoundNetworks) -> Float[Array, ""]:
     reward = jax.vmap(jax.vmap(nets.reward, (None, 0)), (0, None))(table.obs, actions)
     planned = soft_value_iteration(table, reward, nets.env.horizon, nets.networks.entropy_weight, forbid=False)
     return (occupancy(table, planned.log_policy) @ table.cost).mean()
+
+
+def _spoken_of(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]:
+    """Mark the steps that f speaks of: all, but for a row whose reward is of beginning an activity, not of going on."""
+    if not nets.method.is_fitted:
+        return jnp.ones_like(trajectories.mask)
+    code = trajectories.obs[..., : nets.env.action_space.feature_size].argmax(axis=-1)
+    return (code != trajectories.action).astype(jnp.float32)
+
+
+def _next_codes(nets: BoundNetworks, expert: Trajectory, scores: Scores) -> Metrics:
+    """Compare log π of D_E's next codes with a first-order chain's of D_E itself, where codes follow codes."""
+    view = nets.env.view
+    if not isinstance(view, Codes | Activities):
+        return {}
+    size = nets.env.action_space.feature_size
+    now, after = expert.obs[..., :size], jax.nn.one_hot(expert.action, size)
+    weight = expert.mask / expert.mask.sum()
+    count = jnp.einsum("nt,nti,ntj->ij", expert.mask, now, after) + SMOOTHING
+    chain = jnp.einsum("nti,ij,ntj->nt", now, jnp.log(count / count.sum(axis=1, keepdims=True)), after)
+    return {"log_prob": (weight * scores.log_pi).sum(), "chain_gain": (weight * (scores.log_pi - chain)).sum()}
 
 
 def _log_std_at_bound(nets: BoundNetworks) -> Float[Array, ""]:

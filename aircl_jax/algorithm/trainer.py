@@ -11,7 +11,7 @@ from jaxtyping import Array, Int, PRNGKeyArray
 
 from aircl_jax.algorithm import adversary, cloning, entries
 from aircl_jax.algorithm.boxes import twins
-from aircl_jax.algorithm.learners import exact, ppo
+from aircl_jax.algorithm.learners import exact, likelihood, ppo
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.rollout import rollouts
@@ -33,6 +33,7 @@ class Trainer(NamedTuple):
     init: Callable[[PRNGKeyArray, Trajectory], TrainState]
     step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
     networks: Networks
+    traced: bool = True  # False: `step` computes on the host, and is called for one seed after another
 
 
 def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
@@ -43,6 +44,8 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         nets = make_networks(env, method, config)
         steps = twins.make_steps(nets)
         return Trainer(lambda key, expert: steps.init(key, expert, observation_stats(expert)), steps.step, nets)
+    if method.is_fitted:
+        return Trainer(*likelihood.make_steps(nets := make_networks(env, method, config)), nets, traced=False)
     table = exact.plannable(env, method, config) if config.learner == "exact" else None
     places = entries.counted_table(env, method) if method.state_reward else None
     nets = make_networks(env, method, config)

@@ -13,7 +13,7 @@ from aircl_jax.animals import features as of_step
 from aircl_jax.animals.features import LEAVING, Features
 from aircl_jax.animals.going import MODEL, Choices, Weights, choices_of, fit_going, log_going
 from aircl_jax.animals.leaving import fit_leaving, log_leaving
-from aircl_jax.animals.steps import Recordings
+from envs.animals.full.steps import NONE, Recordings
 
 TEMPO = "tempo"  # the group of columns that depends on which recordings are trained on
 
@@ -85,6 +85,29 @@ def fit(
     weights = fit_leaving(leaving, columns.left, use, None if start is None else start.leaving)
     going = fit_going(columns.choices, use[columns.choices.step], None if start is None else start.going)
     return Behaviour(weights, leaving.names, going)
+
+
+def reward_by_place(recordings: Recordings, going: Weights, nowhere: bool = False) -> Float[np.ndarray, "P C"]:
+    """Compute r(place, c') = T₀ + T_place, less its mean over the behaviours; one row for everywhere without places.
+
+    With `nowhere` a last row, T₀ less its mean, is of no known place.
+    """
+    table, has_places = going.table, "places" not in recordings.lacks
+    reward = table[0] + table[1 : 1 + len(recordings.places)] if has_places else table[:1]
+    if nowhere and has_places:
+        reward = np.append(reward, table[:1], axis=0)
+    return reward - reward[:, : recordings.num_behaviours].mean(axis=1, keepdims=True)
+
+
+def begun_at(recordings: Recordings) -> Float[np.ndarray, "P C"]:
+    """Count how often each activity was begun at each place; one row for everywhere where the tables name no place."""
+    steps, has_places = recordings.steps, "places" not in recordings.lacks
+    changed = steps.code != steps.following
+    begun = np.zeros((max(len(recordings.places), 1) if has_places else 1, len(recordings.names)))
+    where = steps.place if has_places else np.zeros_like(steps.place)
+    here = changed & (where != NONE)
+    np.add.at(begun, (where[here], steps.following[here]), 1.0)
+    return begun
 
 
 def predict(columns: Design, behaviour: Behaviour, trained: Bool[np.ndarray, " R"]) -> Prediction:

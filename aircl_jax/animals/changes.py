@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.special import expit, logsumexp
 
 from aircl_jax.animals.going import Choices, Weights, fit_going, utility
-from aircl_jax.animals.steps import Recordings
+from envs.animals.full.steps import Recordings
 
 SCATTER = 1.0  # σ: by how much, in nats, an ordinary pair may differ from what the model expects
 PRIOR = 0.1  # share of the possible pairs that are forbidden before anything is seen
@@ -58,6 +58,11 @@ def log_bayes(
     return made * np.log(LAPSE * mean) - LAPSE * mean - allowed
 
 
+def p_of(made: Float[np.ndarray, "*s"], expected: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
+    """Compute P(at most n) under a Poisson law of mean M."""
+    return np.asarray(stats.poisson.cdf(made, np.maximum(expected, 1e-12)))
+
+
 def avoided_changes(
     choices: Choices,
     recordings: Recordings,
@@ -87,7 +92,7 @@ def avoided_changes(
         found.expected,
         found.log_bayes,
         expit(found.log_bayes + log_odds) * possible,
-        stats.poisson.cdf(made, np.maximum(found.expected, 1e-12)),
+        p_of(made, found.expected),
         possible,
         _number_above(choices, found.share * weight[:, None], recording, IN_RECORDING),
         _number_above(choices, found.share * weight[:, None], animal, IN_ANIMAL),

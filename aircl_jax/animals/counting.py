@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from aircl_jax.animals.steps import Recordings
+from envs.animals.full.steps import Recordings
 
 SMOOTHINGS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # pseudo-counts that leaving out one recording at a time chooses from
 BACK_OFF = (3.0, 10.0, 30.0, 100.0)  # pseudo-counts of a richer context

@@ -8,7 +8,7 @@ from scipy import stats
 
 from aircl_jax.animals.behaviour import Behaviour, Design, Prediction, fit, predict
 from aircl_jax.animals.counting import counts_by_recording, smoothed_chain
-from aircl_jax.animals.steps import Recordings
+from envs.animals.full.steps import Recordings
 
 MOST_FOLDS = 10
 RESAMPLES = 4000

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Int
 from aircl_jax.animals.features import one_hot
 from aircl_jax.animals.going import Choices, Weights, fit_going, log_going
 from aircl_jax.animals.held_out import Gain, folds_of, jackknife, over_recordings
-from aircl_jax.animals.steps import NONE, Recordings, possible_changes
+from envs.animals.full.steps import NONE, Recordings, possible_changes
 
 FEWEST = 20  # trips below which nothing is fitted
 LEAST_ROWS = 5  # located rows of a place, below which its middle is unknown

@@ -13,6 +13,7 @@ from aircl_jax.analysis.coordinate_contributions import contributions, is_additi
 from aircl_jax.analysis.recovered import recover
 from aircl_jax.defects import Attempts
 from aircl_jax.figures import curves
+from aircl_jax.figures.animals import behaviour
 from aircl_jax.figures.grids import cells, codes, maze, paths
 from aircl_jax.figures.robots import coordinate_curves, step_histograms
 from aircl_jax.figures.style import BLUE, DPI, ORANGE, STYLE, Drawing, final, over_seeds
@@ -43,6 +44,9 @@ def _of_the_world(result: Result, evidence: episodes.Evidence) -> Iterator[Drawi
     table = result.spec.env.tabular
     if table is not None:
         yield from _of_a_table(result, table, evidence)
+        return
+    if result.spec.method.is_fitted:
+        yield from behaviour.of_a_run(result)
         return
     yield from step_histograms.draw(result, evidence)
     if is_additive(result):

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.methods import Method
+from aircl_jax.model.behaviour import behaviour_modules
 from aircl_jax.model.features import ActionLimits, FeatureReward
 from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, BoxGaussian, LinearEncoder, Policy, Table
 from aircl_jax.model.moves import expected_moves
@@ -29,10 +30,10 @@ class Networks:
     env: Env
     method: Method
     config: TrainConfig
-    policy_net: Policy | Table
-    value_net: MLP | Table
-    reward_net: MLP | FeatureReward
-    step_net: MLP | AdditiveNet | ActionLimits
+    policy_net: nn.Module
+    value_net: nn.Module
+    reward_net: nn.Module
+    step_net: nn.Module
     sequence_net: nn.Module
     moves: Float[Array, "O A P"] | None = None  # E[position of s'] − position of s, in rows with a reward of states
 
@@ -257,14 +258,7 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
     if config.learner == "exact":
         size = env.horizon, env.obs_size
         policy_net, value_net = Table(*size, env.action_space.feature_size), Table(*size, 1)
-    return Networks(
-        env=env,
-        method=method,
-        config=config,
-        policy_net=policy_net,
-        value_net=value_net,
-        reward_net=reward_net,
-        step_net=step_net,
-        sequence_net=LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden),
-        moves=expected_moves(env) if method.state_reward and not method.has_twin else None,
-    )
+    sequence_net = LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden)
+    moves = expected_moves(env) if method.state_reward and not method.has_twin else None
+    made = Networks(env, method, config, policy_net, value_net, reward_net, step_net, sequence_net, moves)
+    return replace(made, **behaviour_modules(env)) if method.is_fitted else made

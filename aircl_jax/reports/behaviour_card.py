@@ -7,20 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from aircl_jax.animals.changes import TESTABLE, Changes, Halves
-from aircl_jax.animals.steps import Recordings
+from envs.animals.full.steps import LACKS, Recordings
 
 LEAST_BEGUN = 10  # times that an activity was begun at a place, below which its reward there is not listed
 SURE = 1.96  # standard errors by which a reward must exceed the place's mean
 
-LACKS = {
-    "places": "The tables name no places: no reward by place, no trips.",
-    "positions": "The tables have no positions: what distance costs is not asked.",
-    "neighbours": "The tables count no neighbours: nothing is known of company.",
-    "names": "The tables do not say who the neighbours are: what they do is not seen.",
-    "groups": "The tables have one group of animals only.",
-    "sites": "The tables have one site only.",
-    "recordings": "There is one recording only: animals are held out in its place, and what is of that day is taken for all.",
-}
 ALWAYS = (
     "Rewards compare the activities that can be begun at one place; a constant for each place is free.",
     "The reward is of the next activity alone. Whether the animals look further ahead is not tested.",
@@ -39,9 +30,9 @@ def behaviour_card(
 ) -> dict[str, Any]:
     """Make the card, of the form of a run's: `wants`, `never`, `cannot_tell`, `separable`."""
     return {
-        "wants": _wants(recordings, reward, spread, begun),
+        "wants": wants(recordings, reward, spread, begun),
         "never": [_never(recordings.names, changes, pair) for pair in ranked(changes)],
-        "cannot_tell": [*_untold(recordings, changes, begun, halves), *ALWAYS],
+        "cannot_tell": [*untold(recordings, changes, begun, halves), *ALWAYS],
         "separable": True,
     }
 
@@ -57,7 +48,7 @@ def survives(changes: Changes, pair: tuple[int, int]) -> bool:
     return bool(changes.p[pair] < changes.bonferroni)
 
 
-def _wants(
+def wants(
     recordings: Recordings, reward: Float[np.ndarray, "P C"], spread: Float[np.ndarray, "P C"], begun: Float[np.ndarray, "P C"]
 ) -> list[dict[str, Any]]:
     places = recordings.places if "places" not in recordings.lacks else ("",)
@@ -88,7 +79,7 @@ def _never(names: Sequence[str], changes: Changes, pair: tuple[int, int]) -> dic
     }
 
 
-def _untold(
+def untold(
     recordings: Recordings, changes: Changes, begun: Float[np.ndarray, "P C"], halves: Mapping[str, Halves]
 ) -> list[str]:
     possible, testable = int(changes.possible.sum()), int(changes.testable.sum())

@@ -10,6 +10,7 @@ from aircl_jax.analysis.episodes import gather_grid
 from aircl_jax.analysis.recovered import AVOIDED_BELOW, avoided, expected, recover
 from aircl_jax.analysis.recovered_limits import recovered_limits
 from aircl_jax.reports import markdown
+from aircl_jax.reports.card_of_activities import beside_counting, of_activities
 from aircl_jax.reports.card_of_entries import SEEDS_AGREE, of_entries
 from aircl_jax.reports.card_of_limits import of_limits
 from aircl_jax.runs.metrics_log import is_number
@@ -30,12 +31,9 @@ _LIKELIHOOD = (
     "was not tested."
 )
 _NO_REWARD = "No reward was learned: cloning copies what was done."
-_BEHAVIOUR = (
-    "When the animals leave an activity, and what draws them where, is asked by `python -m experiments.behaviour`: it predicts "
-    "recordings held out better than counting does, which this run's policy does not (docs/animals.md)."
-)
 _NO_WANTS = {True: "Nothing stands out.", False: "Nothing that can be told apart from what it does; see below."}
 _KNOWN_REWARD = "The reward was given, not inferred; what is not done may depend on it."
+_OF_LEARNER = {"twins": of_limits, "likelihood": of_activities}
 
 
 def card_of(result: Result) -> dict[str, Any]:
@@ -48,8 +46,8 @@ def card_of(result: Result) -> dict[str, Any]:
     method, view = result.spec.method, result.spec.env.view
     if method.tests_entries and isinstance(view, Grid) and result.spec.env.tabular is not None:
         return of_entries(result, view, result.spec.env.tabular)
-    if method.has_twin:
-        return of_limits(result)
+    if method.learner in _OF_LEARNER:
+        return _OF_LEARNER[method.learner](result)
     never: list[dict[str, Any]] = []
     cannot: list[str] = []
     if not method.learns_reward:
@@ -69,7 +67,7 @@ def card_of(result: Result) -> dict[str, Any]:
         never, unseen = _limits(result)
         cannot += unseen
     if isinstance(view, Codes):
-        cannot.append(_BEHAVIOUR)
+        cannot.append(beside_counting(result))
     if never:
         cannot.append("Of what is not done, this method cannot tell the forbidden from what was merely never wanted.")
     return {"wants": [], "never": never, "cannot_tell": cannot, "separable": False}

@@ -19,6 +19,7 @@ from aircl_jax.analysis.recovered import (
     rewarding,
 )
 from aircl_jax.reports import markdown
+from aircl_jax.reports.card_of_activities import activities_in_words, beside_counting
 from aircl_jax.runs.result import Result
 from envs import Codes
 
@@ -26,11 +27,13 @@ AVOIDED_HEAD = ("after", "never or rarely comes", "feasibility", "seen", "expect
 
 
 def reading(result: Result) -> str:
-    """Write the ranked tables of a finished run; empty where the world has no codes."""
+    """Write the ranked tables of a finished run; empty where the world has no codes and no activities."""
     env = result.spec.env
+    if result.spec.method.is_fitted:
+        return activities_in_words(result)
     if not isinstance(env.view, Codes) or env.tabular is None:
         return ""
-    return in_words(recover(result, env.tabular), env.view)
+    return in_words(recover(result, env.tabular), env.view) + f"\n\n**Beside counting.** {beside_counting(result)}"
 
 
 def in_words(recovered: Recovered, codes: Codes, number: int = 12) -> str:

@@ -38,6 +38,13 @@ MEANINGS = {
     "feasibility_policy": "mean δ̄ of the policy's samples",
     "logit_size": "mean size of the discriminator's logit",
     "entropy": "of the policy, per step",
+    "chain_gain": "log-probability of the demonstrations' next codes under π, less that of a first-order chain; both saw them",
+    "log_prob": "log-probability a step of the demonstrations' next codes under π",
+    "held_out_chain_gain": "nats a step over a smoothed first-order chain, on recordings that the seed did not draw",
+    "held_out_whether_gain": "of it: whether to leave",
+    "held_out_where_gain": "where to go, nats a change",
+    "held_out_log_prob": "log-probability a step on recordings that the seed did not draw",
+    "held_out_recordings": "how many recordings the seed did not draw",
     "log_std_at_bound": "share of the policy's log σ that stand at a bound",
 }
 SWAP_MEANINGS = {  # of a run on a grid: aircl_jax.transfer.table_tests

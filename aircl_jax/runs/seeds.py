@@ -44,6 +44,8 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
 
     `expert` is [S, N, T, …]. Every seed has its own demonstrations, which are the same where they come from a file.
     """
+    if not trainer.traced:
+        return _on_the_host(trainer, seeds)
     shard, place = spread(len(seeds))
     init = jax.jit(shard(over_seeds(trainer.init), in_specs=(SEED, SEED)))
 
@@ -63,6 +65,25 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
         init=lambda expert: init(place(seed_keys(seeds)), place(expert)),
         run_chunk=lambda states, expert, length: run_chunk(place(states), place(expert), length),
     )
+
+
+def _on_the_host(trainer: Trainer, seeds: Sequence[int]) -> Runner:
+    """Run a trainer that cannot be traced over one seed after another."""
+
+    def run_chunk(states: TrainState, expert: Expert, length: int) -> tuple[TrainState, Metrics]:
+        parts = [jax.tree.map(lambda leaf, place=place: leaf[place], (states, expert)) for place in range(len(seeds))]
+        metrics = []
+        for place, (state, of_seed) in enumerate(parts):
+            rows, now = [], state
+            for _ in range(length):
+                now, row = trainer.step(now, of_seed)
+                rows.append(row)
+            parts[place] = (now, of_seed)
+            metrics.append(jax.tree.map(lambda *leaves: jnp.stack(leaves), *rows))
+        stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(state for state, _ in parts))
+        return stacked, jax.tree.map(lambda *leaves: jnp.stack(leaves, axis=1), *metrics)
+
+    return Runner(lambda expert: jax.vmap(trainer.init)(seed_keys(seeds), expert), run_chunk)
 
 
 def make_evaluator(

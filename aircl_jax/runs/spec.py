@@ -11,13 +11,13 @@ import numpy as np
 from aircl_jax.algorithm.terms.table import check_method
 from aircl_jax.demonstrations import files
 from aircl_jax.demonstrations.sources import REFERENCE_SEED
-from aircl_jax.methods import Method, get_method
+from aircl_jax.methods import METHODS, Method, get_method
 from aircl_jax.settings.checks import check_config
 from aircl_jax.settings.env_defaults import CORRECTED, config_of, default_method
 from aircl_jax.settings.renamed import refuse_old_names, renamed
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Trajectory
-from envs import Box, Env
+from envs import ENVS, Activities, Box, Env
 from envs.checks import check_env
 from envs.registry import build, options_of
 from envs.settings import at_least, plain, updated
@@ -63,6 +63,8 @@ class RunSpec:
     @property
     def env_steps(self) -> int:
         """Count the environment steps of one iteration over all seeds, in the trajectories that enter an update."""
+        if self.method.is_fitted:
+            return 0
         pool = self.config.pool_factor if self.method.has_pool else 1
         return len(self.seeds) * self.config.num_trajectories * pool * self.env.horizon
 
@@ -84,7 +86,7 @@ def make_spec(
         raise ValueError(
             f"env_settings are given beside the Env {env.name}, which has its own; choose make_env(name, **settings)"
         )
-    world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings)
+    world, options = (env, env_settings) if isinstance(env, Env) else _named_env(env, env_settings, method)
     check_env(world)
     if method == "default":
         method = default_method(world.name) if world.registered else CORRECTED
@@ -103,6 +105,8 @@ def make_spec(
     count, first = at_least("seeds", seeds, 1), at_least("first_seed", first_seed, 0)
     if first + count > REFERENCE_SEED:
         raise ValueError(f"first_seed={first}, seeds={count}: a seed is too great; choose seeds below {REFERENCE_SEED}")
+    if row.is_fitted:
+        _check_recorded(method, world, demonstrations)
     own, reference = _own_demonstrations(demonstrations, world)
     unknown = not world.has_reward if own is None else np.isnan(own.reward).any()
     if row.needs_true_reward and "contrast" in row.terms and unknown:
@@ -147,9 +151,22 @@ def read_spec(settings: Mapping[str, Any]) -> RunSpec:
     return spec
 
 
-def _named_env(name: str, settings: Mapping[str, Any]) -> tuple[Env, dict[str, Any]]:
+def _named_env(name: str, settings: Mapping[str, Any], method: str) -> tuple[Env, dict[str, Any]]:
+    """Build an environment of the table; a method that is fitted to whole recordings has env.state=full by default."""
+    fitted = method in METHODS and METHODS[method].is_fitted
+    if fitted and settings.get("state", "default") == "default" and name in ENVS and hasattr(ENVS[name].options, "state"):
+        settings = {**settings, "state": "full"}
     options = options_of(name, settings)
     return build(name, options), asdict(options)
+
+
+def _check_recorded(method: str, world: Env, demonstrations: str | Path) -> None:
+    """Raise ValueError where a row that is fitted to whole recordings is given anything else."""
+    if not isinstance(world.view, Activities):
+        choice = "env=meerkat env.state=full, with a mapping for other animals"
+        raise ValueError(f"env={world.name}: method={method} is fitted to whole recordings of animals; choose {choice}")
+    if demonstrations != "default":
+        raise ValueError(f"demonstrations={demonstrations}: method={method} reads whole recordings; choose env.data=FOLDER")
 
 
 def _own_demonstrations(demonstrations: str | Path, env: Env) -> tuple[Trajectory | None, Trajectory | None]:

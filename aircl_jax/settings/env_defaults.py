@@ -8,6 +8,8 @@ from aircl_jax.settings.train_config import AdversaryConfig, Coefficients, PPOCo
 from envs import ENVS, Box, Env
 from envs.settings import flatten
 
+Settings = Literal["paper", "tuned", "contrast", "likelihood"]
+
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
 
 
@@ -163,6 +165,10 @@ CONTRAST: dict[str, TrainConfig] = {
 }
 
 
+# What is fitted by likelihood runs with, in any world: one fit.
+LIKELIHOOD = TrainConfig(iterations=1, checkpoint_every=1)
+
+
 # What the centred and corrected rows run with. Half-cheetah and hopper have the walker's settings: none was chosen on them.
 TUNED: dict[str, TrainConfig] = {
     "gridworld": _TUNED_GRID,
@@ -193,14 +199,16 @@ def has_own_settings(env: Env) -> bool:
     return env.registered and env.name in PAPER and env.name in TUNED and env.name not in GUESTS
 
 
-def default_config(env_name: str, settings: Literal["paper", "tuned", "contrast"]) -> TrainConfig:
+def default_config(env_name: str, settings: Settings) -> TrainConfig:
     """The settings of an environment for the paper's rows or for ours; those of TrainConfig where it is not in the table."""
+    if settings == "likelihood":
+        return LIKELIHOOD
     return {"paper": PAPER, "tuned": TUNED, "contrast": CONTRAST}[settings].get(env_name, TrainConfig())
 
 
-def config_of(env: Env, settings: Literal["paper", "tuned", "contrast"]) -> TrainConfig:
+def config_of(env: Env, settings: Settings) -> TrainConfig:
     """The settings of an environment; an Env of one's own takes none by its name."""
-    if env.registered:
+    if env.registered or settings == "likelihood":
         return default_config(env.name, settings)
     steps = _CONTRAST_ROBOT.num_trajectories * STEPS_OF_ROBOTS
     own = replace(_CONTRAST_ROBOT, num_trajectories=max(1, -(-steps // env.horizon)))

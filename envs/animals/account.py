@@ -29,6 +29,11 @@ def account(folder: Path, reading: Reading, coded: Coded, windows: Windows, mapp
     )
 
 
+def account_of_steps(folder: Path, reading: Reading, coded: Coded, mapping: ColumnMapping, steps: int) -> tuple[str, ...]:
+    """Give account of tables whose gap-free segments are used whole, of which `steps` rows have a next one."""
+    return (*_read(folder, reading, mapping), *_whole(reading, coded, mapping, steps), *_not_read(folder, reading))
+
+
 def _read(folder: Path, reading: Reading, mapping: ColumnMapping) -> Iterator[str]:
     tracks, found = reading.tracks, reading.found
     animals, recordings = (len(np.unique(column)) for column in (tracks.individual, tracks.recording))
@@ -58,6 +63,22 @@ def _cut(windows: Windows, mapping: ColumnMapping) -> Iterator[str]:
     yield from (f"left out: {_counted(number, 'row')} {why}" for why, number in left_out.items() if number)
     if report.rows_without_coordinates and "coordinates" in mapping.columns:
         yield f"masked: the coordinates of {_counted(report.rows_without_coordinates, 'row')}, which are missing"
+
+
+def _whole(reading: Reading, coded: Coded, mapping: ColumnMapping, steps: int) -> Iterator[str]:
+    size = np.bincount(coded.segment)
+    tracks = len(set(zip(coded.tracks.recording.tolist(), coded.tracks.individual.tolist(), strict=True)))
+    yield (
+        f"segments: {len(size):,} without a gap, of {_counted(tracks, 'track')} (an animal in a recording); "
+        f"the longest has {_counted(int(size.max()), 'row')} of step {mapping.step:g}"
+    )
+    yield f"used: {_counted(steps, 'row')} that the next row follows, whatever the length of the segment"
+    left_out = {
+        f"of other groups ({', '.join(mapping.other_groups)}), but as neighbours": len(reading.tracks.time) - len(coded.code),
+        "in segments of one row": int((size == 1).sum()),
+        "that end a longer segment: they are what comes next alone": int((size > 1).sum()),
+    }
+    yield from (f"left out: {_counted(number, 'row')} {why}" for why, number in left_out.items() if number)
 
 
 def _not_read(folder: Path, reading: Reading) -> Iterator[str]:

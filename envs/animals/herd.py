@@ -1,6 +1,7 @@
 """Load the windows of a herd from a folder of tables, or from simulated meerkats, and keep those of the last settings."""
 
 import hashlib
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -34,26 +35,42 @@ def load(options: MeerkatOptions) -> Herd:
 
     Raises ValueError as `envs.animals.tracks` does, and for a bad setting.
     """
+    options = options.resolved()
     if options.horizon < 1:
         raise ValueError(f"env.horizon={options.horizon}: an episode needs at least 1 step")
     folder = data_folder(options.data, "meerkat")
     if folder is None and options.mapping != MeerkatOptions.mapping:
         raise ValueError(f"env.mapping={options.mapping} has no tables to read; give env.data=DIR, or set AIRCL_DATA")
-    return _load(options, folder, "" if folder is None else _digest(folder, options.mapping))
+    return _load(options, folder, "" if folder is None else digest(folder, options.mapping))
 
 
-def _digest(folder: Path, mapping: str) -> str:
+def held_out_pair(site: Mapping[str, str], fold: int) -> tuple[str, str]:
+    """List the recordings of fold k of R // 2: k and k + R // 2 in order of site and name, given each recording's site.
+
+    They come from different sites where two sites have equally many. Raises ValueError for a fold that does not exist.
+    """
+    ordered = sorted(site, key=lambda recording: (site[recording], recording))
+    folds = len(ordered) // 2
+    if len(ordered) < 3:
+        raise ValueError(f"{len(ordered)} recordings cannot be split: two are held out and one must be left to learn from")
+    if not 0 <= fold < folds:
+        raise ValueError(f"env.fold={fold}: {len(ordered)} recordings give folds 0 to {folds - 1}")
+    return ordered[fold], ordered[fold + folds]
+
+
+def digest(folder: Path, mapping: str) -> str:
     """Digest what a herd is read from, so that an edited file is read again."""
-    found, digest = find_tables(folder), hashlib.sha256()
-    digest.update(repr((found.hidden, found.others)).encode())
+    found, read = find_tables(folder), hashlib.sha256()
+    read.update(repr((found.hidden, found.others)).encode())
     for file in (mapping_file(mapping), *found.tables):
         for part in contents(file):
-            digest.update(part)
-    return digest.hexdigest()
+            read.update(part)
+    return read.hexdigest()
 
 
 @lru_cache(maxsize=2)
-def _reading(folder: Path | None, name: str, digest: str) -> tuple[Reading, ColumnMapping]:
+def reading_of(folder: Path | None, name: str, digest: str) -> tuple[Reading, ColumnMapping]:
+    """Read the tables with their mapping, or simulate them; `digest` says which content of the files is meant."""
     if folder is None:
         return Reading(simulated_meerkats.simulated_tracks(), Found((), (), ())), simulated_meerkats.MAPPING
     mapping = load_mapping(name)
@@ -62,7 +79,7 @@ def _reading(folder: Path | None, name: str, digest: str) -> tuple[Reading, Colu
 
 @lru_cache(maxsize=8)
 def _load(options: MeerkatOptions, folder: Path | None, digest: str) -> Herd:
-    reading, mapping = _reading(folder, options.mapping, digest)
+    reading, mapping = reading_of(folder, options.mapping, digest)
     coded = code_rows(reading.tracks, mapping, options.coding, options.pups)
     _check_codes(coded, mapping)
     windows = cut_windows(coded, reading.tracks, options.horizon)

@@ -14,7 +14,8 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from envs.animals import simulated_meerkats
 from envs.animals.data_folder import data_folder
-from envs.animals.herd import Herd, load
+from envs.animals.full import world
+from envs.animals.herd import Herd, held_out_pair, load
 from envs.animals.windows import Windows, code_rows, cut_windows
 from envs.base import Discrete, Env, Recorded, Step, Tabular
 from envs.options import MeerkatOptions
@@ -30,6 +31,9 @@ REFERENCE_SEED = 1  # seed of the simulated meerkats without their constraint
 
 def make_meerkat(options: MeerkatOptions) -> Env:
     """Make the world of the windows. Only simulated meerkats have a true reward and cost. Raises ValueError as `load` does."""
+    options = options.resolved()
+    if options.state == "full":
+        return world.make_full(options)
     herd = load(options)
     table = {"code": _code_table, "place": _place_table}[options.state](herd)
     step = _code_step(herd, table) if options.state == "code" else _table_step(table)
@@ -165,6 +169,9 @@ def demonstrations(options: MeerkatOptions, split: Split = "all") -> dict[str, n
 
     Raises ValueError for a fold that does not exist.
     """
+    options = options.resolved()
+    if options.state == "full":
+        return world.demonstrations(options, split)
     herd = load(options)
     number = len(herd.windows.code)
     held_out = np.isin(herd.windows.recording, held_out_recordings(options)) if split != "all" else np.ones(number, bool)
@@ -172,19 +179,9 @@ def demonstrations(options: MeerkatOptions, split: Split = "all") -> dict[str, n
 
 
 def held_out_recordings(options: MeerkatOptions) -> tuple[str, ...]:
-    """List the recordings of fold k of R // 2: k and k + R // 2 in order of camera and name.
-
-    They come from different cameras where two cameras have equally many. Raises ValueError for a fold that does not exist.
-    """
+    """List the two recordings of the fold. Raises ValueError for a fold that does not exist."""
     windows = load(options).windows
-    site = dict(zip(windows.recording.tolist(), windows.site.tolist(), strict=True))
-    ordered = sorted(site, key=lambda recording: (site[recording], recording))
-    folds = len(ordered) // 2
-    if len(ordered) < 3:
-        raise ValueError(f"{len(ordered)} recordings cannot be split: two are held out and one must be left to learn from")
-    if not 0 <= options.fold < folds:
-        raise ValueError(f"env.fold={options.fold}: {len(ordered)} recordings give folds 0 to {folds - 1}")
-    return ordered[options.fold], ordered[options.fold + folds]
+    return held_out_pair(dict(zip(windows.recording.tolist(), windows.site.tolist(), strict=True)), options.fold)
 
 
 def reference_set(options: MeerkatOptions) -> dict[str, np.ndarray]:
@@ -201,7 +198,7 @@ def reference_set(options: MeerkatOptions) -> dict[str, np.ndarray]:
 
 
 def _arrays(
-    windows: Windows, truth: simulated_meerkats.Truth | None, state: Literal["code", "place"], rows: Int[np.ndarray, " M"]
+    windows: Windows, truth: simulated_meerkats.Truth | None, state: str, rows: Int[np.ndarray, " M"]
 ) -> dict[str, np.ndarray]:
     code = windows.code[rows]
     now, after = code[:, :-1], code[:, 1:]

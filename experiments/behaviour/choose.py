@@ -15,8 +15,8 @@ from aircl_jax.animals.going import MODEL, Weights, fit_going, log_going
 from aircl_jax.animals.held_out import folds_of, over_folds, over_recordings, predict_chain
 from aircl_jax.animals.leaving import fit_leaving, log_leaving
 from aircl_jax.animals.nested import nested_selection
-from aircl_jax.animals.steps import Recordings
 from aircl_jax.reports import markdown
+from envs.animals.full.steps import Recordings
 from experiments.behaviour.report import gain
 
 STRENGTHS = {"ridges × ⅓": 1 / 3, "ridges × 3": 3.0}

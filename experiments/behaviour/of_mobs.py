@@ -14,10 +14,10 @@ from aircl_jax.algorithm.measures import auroc
 from aircl_jax.analysis.recovered import expected
 from aircl_jax.animals.changes import Changes, avoided_changes, expected_times, fit_ordinary, ordinary_share
 from aircl_jax.animals.going import ORDINARY, choices_of
-from aircl_jax.animals.steps import NONE, Recordings, recordings_of
 from aircl_jax.reports import markdown
 from aircl_jax.storage import write_whole
 from envs.animals import simulated_meerkats
+from envs.animals.full.steps import NONE, Recordings, recordings_of
 from envs.animals.windows import code_rows
 from experiments.behaviour.settings import Settings
 from experiments.shared.commits import current_commit

@@ -9,13 +9,14 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from aircl_jax.animals.steps import NONE, Recordings, read_recordings
 from aircl_jax.figures.animals import behaviour
 from aircl_jax.figures.style import DPI, STYLE, Drawing
 from aircl_jax.reports import card
 from aircl_jax.reports.behaviour_card import behaviour_card
 from aircl_jax.storage import write_whole
 from envs.animals.data_folder import command_prefix
+from envs.animals.full.reading import read_with_account
+from envs.animals.full.steps import NONE, Recordings
 from experiments.behaviour import choose, report
 from experiments.behaviour.settings import Settings
 from experiments.behaviour.tables import Study, study
@@ -33,10 +34,10 @@ CHOSEN_HERE = (
 def run(settings: Settings, words: Sequence[str]) -> dict[str, Any]:
     """Study the tables and write everything; return the numbers."""
     commit = current_commit()
-    recordings = read_recordings(settings.data, settings.mapping, settings.coding)
+    recordings, account = read_with_account(settings.data, settings.mapping, settings.coding)
     others = {}
     if settings.reported:
-        others = {"windows, coding=step": read_recordings(settings.data, settings.mapping, "step")}
+        others = {"windows, coding=step": read_with_account(settings.data, settings.mapping, "step")[0]}
     found = study(recordings, settings.halves, others)
     command = command_prefix(settings.data, settings.simulated) + shlex.join(["python", "-m", "experiments.behaviour", *words])
     extra, nested = choose.nested(recordings) if settings.nested else ([], None)
@@ -50,7 +51,7 @@ def run(settings: Settings, words: Sequence[str]) -> dict[str, Any]:
     title = f"What {_animals(settings)} want, avoid, and cannot be asked"
     write_whole(folder / "card.json", card.as_json(entries))
     write_whole(folder / "card.md", card.as_markdown(entries, title))
-    write_whole(folder / "report.md", report.report(found, title, command, commit, captions, extra))
+    write_whole(folder / "report.md", report.report(found, title, command, commit, captions, account, extra))
     numbers = numbers_of(found, command, commit) | {"nested": nested}
     write_whole(folder / "numbers.json", json.dumps(without_nan(numbers), indent=1, allow_nan=False) + "\n")
     np.savez_compressed(folder / "recovered.npz", allow_pickle=False, **arrays(found))

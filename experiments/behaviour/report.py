@@ -8,9 +8,9 @@ import numpy as np
 from aircl_jax.animals.behaviour import Behaviour
 from aircl_jax.animals.going import Choices
 from aircl_jax.animals.held_out import AgeClass, Gain
-from aircl_jax.animals.steps import Recordings
 from aircl_jax.reports import markdown
-from aircl_jax.reports.behaviour_card import LACKS, ranked, survives
+from aircl_jax.reports.behaviour_card import ranked, survives
+from envs.animals.full.steps import Recordings
 from experiments.behaviour.tables import Comparison, Study
 
 Table = tuple[Sequence[str], Sequence[Sequence[str]]]  # a head and its rows
@@ -19,13 +19,21 @@ BOOTSTRAP = "[ ]: 95 %, of folds by t, of recordings by bootstrap."
 SHOWN = 25  # coefficients of leaving
 
 
-def report(study: Study, title: str, command: str, commit: str, captions: dict[str, str], extra: Sequence[str] = ()) -> str:
-    """Write the whole page; `extra` goes below the comparisons."""
+def report(
+    study: Study,
+    title: str,
+    command: str,
+    commit: str,
+    captions: dict[str, str],
+    account: Sequence[str] = (),
+    extra: Sequence[str] = (),
+) -> str:
+    """Write the whole page; `account` says what was read and left out, `extra` goes below the comparisons."""
     recordings = study.columns.recordings
     return markdown.paragraphs(
         f"# {title}",
         f"`{command}`, commit {commit}. {_time(study)}",
-        *_tables(recordings),
+        *_tables(recordings, account),
         "## Does it beat counting?",
         markdown.table(*comparison_table(study.comparisons)),
         BOOTSTRAP
@@ -58,7 +66,7 @@ def _time(study: Study) -> str:
     return f"Fits, folds and changes took {own:.0f} s ({rest})."
 
 
-def _tables(recordings: Recordings) -> Iterator[str]:
+def _tables(recordings: Recordings, account: Sequence[str]) -> Iterator[str]:
     steps = recordings.steps
     changes = int((steps.code != steps.following).sum())
     tracks = f"{len(np.unique(steps.track)):,} tracks in {len(recordings.recordings)} recordings"
@@ -66,9 +74,9 @@ def _tables(recordings: Recordings) -> Iterator[str]:
         f"{len(steps.code):,} steps of {tracks}, every gap-free segment whole; {changes:,} changes among "
         f"{len(recordings.names)} activities."
     )
-    if recordings.lacks:
-        yield "Left out, because the tables lack it:"
-        yield markdown.bullets(LACKS[name] for name in recordings.lacks)
+    if account:
+        yield "## What was read"
+        yield markdown.bullets(f"{line[0].upper()}{line[1:]}" for line in account)
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:

@@ -1,13 +1,12 @@
 """Study one data set of tables: held-out folds, coefficients, avoided changes, trips."""
 
 import time
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from aircl_jax.animals.behaviour import Behaviour, Design, design, fit
+from aircl_jax.animals.behaviour import Behaviour, Design, begun_at, design, fit, reward_by_place
 from aircl_jax.animals.changes import Changes, Halves, avoided_changes, judge_on_halves, ruled_out
 from aircl_jax.animals.counting import BACK_OFF, back_off
 from aircl_jax.animals.going import ORDINARY, choices_of
@@ -22,8 +21,8 @@ from aircl_jax.animals.held_out import (
     over_folds,
     over_recordings,
 )
-from aircl_jax.animals.steps import NONE, Recordings
 from aircl_jax.animals.trips import Trips, study_trips
+from envs.animals.full.steps import Recordings
 
 
 class Comparison(NamedTuple):
@@ -130,22 +129,10 @@ def fit_all(columns: Design, flagged: Bool[np.ndarray, "C C"]) -> Fitted:
     parts = [fit(columns, every & (np.arange(number) != one), start=whole) for one in range(number)]
     going = type(whole.going)(*(jackknife(np.stack(values)) for values in zip(*(part.going for part in parts), strict=True)))
     spread = Behaviour(jackknife(np.stack([part.leaving for part in parts])), whole.leaving_names, going)
-    of_place = partial(reward_by_place, columns)
-    steps, choices = columns.recordings.steps, columns.choices
-    begun = np.zeros((max(len(columns.recordings.places), 1), len(columns.recordings.names)))
-    np.add.at(begun, (np.maximum(steps.place[choices.step], 0), choices.chosen), steps.place[choices.step] != NONE)
-    if "places" in columns.recordings.lacks:
-        begun[0] = np.bincount(choices.chosen, minlength=begun.shape[1])
-    rewards = np.stack([of_place(part) for part in parts])
-    return Fitted(whole, spread, of_place(whole), jackknife(rewards), begun)
-
-
-def reward_by_place(columns: Design, behaviour: Behaviour) -> Float[np.ndarray, "P C"]:
-    """Compute r(place, c') = T₀ + T_place, less its mean over the behaviours; one row for everywhere without places."""
-    table, recordings = behaviour.going.table, columns.recordings
-    has_places = "places" not in recordings.lacks
-    reward = table[0] + table[1 : 1 + len(recordings.places)] if has_places else table[:1]
-    return reward - reward[:, : recordings.num_behaviours].mean(axis=1, keepdims=True)
+    rewards = np.stack([reward_by_place(columns.recordings, part.going) for part in parts])
+    return Fitted(
+        whole, spread, reward_by_place(columns.recordings, whole.going), jackknife(rewards), begun_at(columns.recordings)
+    )
 
 
 def _apart(recordings: Recordings) -> bool:

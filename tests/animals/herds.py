@@ -1,9 +1,11 @@
 """Made-up herds whose truth is known, as rows of tables."""
 
+from pathlib import Path
+
 import numpy as np
 
-from aircl_jax.animals.steps import Recordings, recordings_of
 from envs.animals.columns import ColumnMapping
+from envs.animals.full.steps import Recordings, recordings_of
 from envs.animals.tracks import Tracks
 from envs.animals.windows import code_rows
 
@@ -13,6 +15,9 @@ GOATS = ColumnMapping(
     behaviours=("graze", "rest", "watch"),
     places=("hill", "shade"),
 )
+MAPPING = """columns: {time: t, individual: goat, behaviour: act, place: patch}
+recording: day
+"""
 DRAW = {"hill": (1.5, 0.0, 0.5), "shade": (0.0, 1.5, 0.0)}  # r(place, activity)
 FORBIDDEN = ("watch", "graze")  # never at once
 
@@ -53,6 +58,15 @@ def goats(recordings: int = 6, animals: int = 4, rows: int = 400, seed: int = 0)
                         weight[acts.index(FORBIDDEN[1])] = 0.0
                     act, age = int(generator.choice(len(acts), p=weight / weight.sum())), 0
     return made
+
+
+def written_goats(folder: Path, **settings: int) -> dict[str, str]:
+    """Write the goats as a table of another format with its mapping; return the settings that read it."""
+    lines = ["day,goat,t,act,patch"]
+    lines += [f"{day},{goat},{time},{act},{place}" for day, goat, time, act, place in goats(**settings)]
+    (folder / "goats.csv").write_text("\n".join(lines) + "\n")
+    (folder / "goats.yaml").write_text(MAPPING)
+    return {"data": str(folder), "mapping": str(folder / "goats.yaml")}
 
 
 def goat_recordings(**settings: int) -> Recordings:

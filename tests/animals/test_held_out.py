@@ -9,7 +9,7 @@ from aircl_jax.animals.counting import back_off, counts_by_recording, smoothed_c
 from aircl_jax.animals.features import tempo
 from aircl_jax.animals.going import fit_going
 from aircl_jax.animals.held_out import calibration, evaluate, folds_of, jackknife, over_folds, over_recordings
-from aircl_jax.animals.steps import read_recordings
+from envs.animals.full.reading import read_recordings
 from envs.animals.meerkat import held_out_recordings
 from envs.options import MeerkatOptions
 from tests.animals.herds import DRAW, FORBIDDEN, GOATS, goat_recordings

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from aircl_jax.animals.steps import NONE, possible_changes, read_recordings, recordings_of
 from envs.animals import simulated_meerkats
 from envs.animals.columns import load_mapping
+from envs.animals.full.reading import read_recordings
+from envs.animals.full.steps import NONE, possible_changes, recordings_of
 from envs.animals.neighbours import read_neighbours
 from envs.animals.tracks import read_folder
 from envs.animals.windows import code_rows, cut_windows

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from aircl_jax.animals.nested import nested_selection
-from aircl_jax.animals.steps import Recordings, recordings_of
 from aircl_jax.animals.trips import study_trips
+from envs.animals.full.steps import Recordings, recordings_of
 from envs.animals.windows import code_rows
 from tests.animals.herds import GOATS, goat_recordings, tracks_of
 

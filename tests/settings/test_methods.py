@@ -14,6 +14,7 @@ OURS = [
     "aircl_corrected_sa",
     "aircl_contrast",
     "aircl_contrast_memory",
+    "behaviour",
     "bc",
 ]
 # What a term reads: without it the term would be a constant.

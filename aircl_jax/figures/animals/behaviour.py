@@ -1,6 +1,6 @@
 """Draw what the behaviour model says: rewards by place, leaving by age, and changes expected beside changes made."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import matplotlib as mpl
 import numpy as np
@@ -11,11 +11,25 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FormatStrFormatter, NullLocator
 
+from aircl_jax.analysis.activities import FORBIDDEN_BELOW, found_of
 from aircl_jax.figures.style import BLACK, BLUE, GREY, ORANGE, Drawing, literal
+from aircl_jax.runs.result import Result
 
 SMALL = 5.5
 PALE = "#f2f2f2"
+MOST = 0.5  # share of the bootstrap samples that must flag a change
 FEW = 5  # begun fewer times than this: drawn pale
+
+
+def of_a_run(result: Result) -> Iterator[Drawing]:
+    """Draw rewards by place, the mean over bootstrap samples, and n beside the median M; boxed: flagged in most samples."""
+    found = found_of(result)
+    recordings, names = found.recordings, found.recordings.names
+    places = recordings.places if "places" not in recordings.lacks else ("anywhere",)
+    shown = recordings.num_behaviours
+    yield reward_map(found.reward.mean(axis=0)[:, :shown], found.begun[:, :shown], places, names[:shown])
+    flagged = (found.delta < FORBIDDEN_BELOW).mean(axis=0) > MOST
+    yield expected_changes(found.middle, found.made, flagged & found.possible, found.possible, names)
 
 
 def reward_map(

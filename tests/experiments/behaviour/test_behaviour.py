@@ -7,21 +7,14 @@ import pytest
 
 from experiments.behaviour import __main__ as command
 from experiments.behaviour.settings import Settings
-from tests.animals.herds import FORBIDDEN, goats
-
-MAPPING = """columns: {time: t, individual: goat, behaviour: act, place: patch}
-recording: day
-"""
+from tests.animals.herds import FORBIDDEN, written_goats
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("goats")
-    lines = ["day,goat,t,act,patch", *(f"{day},{goat},{time},{act},{place}" for day, goat, time, act, place in goats())]
-    (folder / "goats.csv").write_text("\n".join(lines) + "\n")
-    (folder / "goats.yaml").write_text(MAPPING)
     out = folder / "out"
-    words = [f"mapping={folder / 'goats.yaml'}", f"data={folder}", "halves=1", f"out={out}"]
+    words = [*(f"{name}={value}" for name, value in written_goats(folder).items()), "halves=1", f"out={out}"]
     assert command.main(words) == 0
     return out
 

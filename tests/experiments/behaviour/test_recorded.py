@@ -9,7 +9,7 @@ import pytest
 from aircl_jax.animals.behaviour import design
 from aircl_jax.animals.changes import avoided_changes
 from aircl_jax.animals.going import ORDINARY, choices_of
-from aircl_jax.animals.steps import read_recordings
+from envs.animals.full.reading import read_recordings
 from envs.animals.meerkat import load
 from envs.options import MeerkatOptions
 from experiments.behaviour.tables import compare

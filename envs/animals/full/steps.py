@@ -1,40 +1,50 @@
 """List every step of every gap-free segment: what is known of an animal at a row, and the code of the next row."""
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from envs.animals import simulated_meerkats
-from envs.animals.columns import ColumnMapping, load_mapping
-from envs.animals.data_folder import data_folder
-from envs.animals.neighbours import read_neighbours
-from envs.animals.tracks import Tracks, read_folder
-from envs.animals.windows import STAYS, Coded, Coding, code_rows
+from envs.animals.columns import ColumnMapping
+from envs.animals.tracks import Tracks
+from envs.animals.windows import STAYS, Coded, Coding
 
 NONE = STAYS  # index of no code or no place
 MOVING_TO = "moving to "
 Lack = Literal["places", "positions", "neighbours", "names", "groups", "sites", "recordings"]
+LACKS: dict[Lack, str] = {
+    "places": "The tables name no places: no reward by place, no trips.",
+    "positions": "The tables have no positions: what distance costs is not asked.",
+    "neighbours": "The tables count no neighbours: nothing is known of company.",
+    "names": "The tables do not say who the neighbours are: what they do is not seen.",
+    "groups": "The tables have one group of animals only.",
+    "sites": "The tables have one site only.",
+    "recordings": "There is one recording only: animals are held out in its place, and what is of that day is taken for all.",
+}
 
 
 class Steps(NamedTuple):
-    """What is known at each row that has a next one. Rows are in order of recording, animal and time."""
+    """What is known at each row that has a next one. Rows are in order of recording, animal and time.
 
-    code: Int[np.ndarray, " N"]
-    following: Int[np.ndarray, " N"]  # the code one row later
-    age: Int[np.ndarray, " N"]  # rows since the first seen of this bout, itself counted
-    unseen: Bool[np.ndarray, " N"]  # whether the bout began before the segment
-    previous: Int[np.ndarray, " N"]  # code of the bout before this one; NONE where it was not seen
-    place: Int[np.ndarray, " N"]
-    position: Float[np.ndarray, "N 2"]  # on the ground, in the mapping's unit; NaN where unknown
-    close: Int[np.ndarray, " N"]  # number of close neighbours
-    distant: Int[np.ndarray, " N"]
-    close_doing: Float[np.ndarray, "N B"]  # of them, how many show each behaviour; the last column counts all others
-    distant_doing: Float[np.ndarray, "N B"]
-    recording: Int[np.ndarray, " N"]
-    site: Int[np.ndarray, " N"]
-    track: Int[np.ndarray, " N"]  # an animal in a recording
-    window: Int[np.ndarray, " N"]  # which window of `horizon` steps holds it (`envs.animals.windows.cut_windows`); NONE
+    Arrays of NumPy, or of JAX where a policy sees them.
+    """
+
+    code: Int[Any, " N"]
+    following: Int[Any, " N"]  # the code one row later
+    age: Int[Any, " N"]  # rows since the first seen of this bout, itself counted
+    unseen: Bool[Any, " N"]  # whether the bout began before the segment
+    previous: Int[Any, " N"]  # code of the bout before this one; NONE where it was not seen
+    place: Int[Any, " N"]
+    position: Float[Any, "N 2"]  # on the ground, in the mapping's unit; NaN where unknown
+    close: Int[Any, " N"]  # number of close neighbours
+    distant: Int[Any, " N"]
+    close_doing: Float[Any, "N B"]  # of them, how many show each behaviour; the last column counts all others
+    distant_doing: Float[Any, "N B"]
+    recording: Int[Any, " N"]
+    site: Int[Any, " N"]
+    track: Int[Any, " N"]  # an animal in a recording
+    segment: Int[Any, " N"]  # a gap-free run of a track
+    window: Int[Any, " N"]  # which window of `horizon` steps holds it (`envs.animals.windows.cut_windows`); NONE
 
     @property
     def in_window(self) -> Bool[np.ndarray, " N"]:
@@ -52,6 +62,7 @@ class Recordings(NamedTuple):
     places: tuple[str, ...]
     recordings: tuple[str, ...]
     sites: tuple[str, ...]
+    sight: Bool[np.ndarray, "K P"]  # places that some row of each site is at or moves to
     one_move: Bool[np.ndarray, " C"]  # codes of which two in a row would be one bout
     seconds: float  # between two rows, in the unit of the table's time
     unit: str  # of positions
@@ -61,21 +72,6 @@ class Recordings(NamedTuple):
     @property
     def num_behaviours(self) -> int:
         return int((self.destination == NONE).sum())
-
-
-def read_recordings(data: str = "default", mapping: str = "meerkat", coding: Coding = "bout", horizon: int = 30) -> Recordings:
-    """Read and code the tables, or simulate them. Raises ValueError as `envs.animals.tracks` does."""
-    folder = data_folder(data, "meerkat")
-    if folder is None:
-        columns, tracks = simulated_meerkats.MAPPING, simulated_meerkats.simulated_tracks()
-    else:
-        columns = load_mapping(mapping)
-        tracks = read_folder(folder, columns).tracks
-    coded = code_rows(tracks, columns, coding)
-    behaviours = coded.names[: len(coded.names) - (len(coded.places) if columns.moving else 0)]
-    found = read_neighbours(folder, columns, tracks, coded.tracks, behaviours) if folder is not None else None
-    doing = (found.close, found.distant) if found else None
-    return recordings_of(coded, columns, coding, doing=doing, horizon=horizon, simulated=folder is None)
 
 
 def recordings_of(
@@ -113,12 +109,14 @@ def recordings_of(
     close_doing, distant_doing = doing or (nobody, nobody)
     age, unseen, previous = _bouts(coded)
     columns = (coded.code, np.append(coded.code[1:], NONE), age, unseen, previous, coded.place, ground)
-    columns += (rows.close, rows.distant, close_doing, distant_doing, recording, site, track, _windows(coded, horizon))
+    columns += (rows.close, rows.distant, close_doing, distant_doing, recording, site, track)
+    columns += (coded.segment, _windows(coded, horizon))
     steps = Steps(*(column[here] for column in columns))
     if (steps.code == steps.following).all():
         raise ValueError(f"no animal changes its behaviour within a segment of {len(here)} steps: there is nothing to learn")
     return Recordings(
         steps=steps,
+        sight=_sight(steps, destination, len(coded.places), len(site_names)),
         names=coded.names,
         behaviour_of=behaviour_of,
         destination=destination,
@@ -167,16 +165,21 @@ def _windows(coded: Coded, horizon: int) -> Int[np.ndarray, " R"]:
     return np.where(within < (number * horizon)[coded.segment], window, NONE)
 
 
-def possible_changes(recordings: Recordings) -> Bool[np.ndarray, "N C"]:
-    """Mark the codes that can follow at each step: another one, no second move in a row, no place out of the camera's sight."""
+def _sight(steps: Steps, destination: Int[np.ndarray, " C"], places: int, sites: int) -> Bool[np.ndarray, "K P"]:
+    """Mark the places that each site's animals are seen at or move to: a move may end where no row of a segment was."""
+    seen = np.zeros((sites, max(places, 1)), dtype=bool)
+    for place in (steps.place, destination[steps.following]):
+        seen[steps.site[place != NONE], place[place != NONE]] = True
+    return seen
+
+
+def possible_changes(recordings: Recordings) -> Bool[Any, "N C"]:
+    """Mark the codes that can follow at each step: another one, no second move in a row, no place out of the camera's sight.
+
+    Steps of NumPy or of JAX.
+    """
     steps, size = recordings.steps, len(recordings.names)
-    possible = np.arange(size) != steps.code[:, None]
-    possible &= ~(recordings.one_move[steps.code][:, None] & recordings.one_move)
-    goes = recordings.destination != NONE
-    seen = np.zeros((len(recordings.sites), max(len(recordings.places), 1)), dtype=bool)
-    seen[steps.site[steps.place != NONE], steps.place[steps.place != NONE]] = True
-    for site in range(len(recordings.sites)):  # a move may end where no row of a segment was
-        ends = recordings.destination[steps.following[steps.site == site]]
-        seen[site, ends[ends != NONE]] = True
-    possible[:, goes] &= seen[steps.site][:, recordings.destination[goes]]
-    return possible
+    xp = steps.code.__array_namespace__()
+    stays, moves = np.arange(size) == steps.code[:, None], xp.asarray(recordings.one_move)
+    in_sight = xp.asarray(recordings.sight)[steps.site][:, np.maximum(recordings.destination, 0)]
+    return ~stays & ~(moves[steps.code][:, None] & moves) & ((recordings.destination == NONE) | in_sight)
