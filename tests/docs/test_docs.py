@@ -16,17 +16,7 @@ from experiments.cli.hydra_cli import Composed
 from tests.worlds import command_module
 
 ROOT = Path(__file__).parents[2]
-PAGES = (
-    "README.md",
-    "CONTRIBUTING.md",
-    *(
-        f"docs/{page}.md"
-        for page in (
-            *("guide", "results", "animals", "equations", "experts", "physics", "learner"),
-            *("research", "robustness", "swap", "deploy"),
-        )
-    ),
-)
+PAGES = ("README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md")))
 
 
 def blocks(page: str, language: str) -> list[str]:
