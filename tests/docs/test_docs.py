@@ -91,6 +91,7 @@ UNDERSTOOD = {
     "experiments.swap": parsed_by("experiments.swap"),
     "experiments.learner": parsed_by("experiments.learner"),
     "experiments.behaviour": parsed_by("experiments.behaviour"),
+    "experiments.minari": parsed_by("experiments.minari"),
     "experiments.export": parsed_by("experiments.export"),
     "experiments.shield": parsed_by("experiments.shield"),
 }
