@@ -1,6 +1,7 @@
 # One environment, .venv, built from the lock; every target sets it up first and may be run again.
+# `make docs` has .venv-docs beside it, with what builds the pages; there everything else is found in .venv.
 .DELETE_ON_ERROR:
-.PHONY: run test test-slow lint bench table1 lock clean notebooks
+.PHONY: run test test-slow lint docs bench table1 lock clean notebooks
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -23,6 +24,9 @@ lint: $(INSTALLED)
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
+docs: .venv-docs/.installed  # → build/site/docs/index.html; a warning is an error
+	.venv-docs/bin/python -m sphinx -q -W --keep-going -c docs -d build/doctrees . build/site
+
 bench: $(INSTALLED)
 	$(BIN)/python -m experiments.benchmark env=gridworld
 
@@ -36,14 +40,23 @@ notebooks: $(INSTALLED)  # from clean kernels, their outputs kept in them
 lock: $(INSTALLED)  # needs uv; resolves pyproject.toml anew
 	uv pip compile pyproject.toml --extra test --universal --fork-strategy fewest --python-version 3.11 \
 	    --generate-hashes --no-header --no-annotate --upgrade --output-file requirements.lock
+	$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["docs"], sep="\n")' | \
+	    uv pip compile - --constraint requirements.lock --universal --fork-strategy fewest --python-version 3.11 \
+	    --generate-hashes --no-header --no-annotate --upgrade --output-file docs/requirements.lock
 
 .venv-peer/.installed:  # the library that `python -m experiments.benchmark peer=true` is compared with
 	$(PYTHON) -m venv .venv-peer
 	.venv-peer/bin/python -m pip install --quiet "imitation==1.0.1" "gymnasium[mujoco]" "mujoco==2.3.7" "numpy<2"
 	touch $@
 
+.venv-docs/.installed: docs/requirements.lock $(INSTALLED)
+	test -x .venv-docs/bin/python || $(PYTHON) -m venv .venv-docs
+	.venv-docs/bin/python -m pip install --quiet --require-hashes --requirement docs/requirements.lock
+	$(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' > "$$(.venv-docs/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/project.pth"
+	touch $@
+
 clean:
-	rm -rf .venv .venv-peer build *.egg-info
+	rm -rf .venv .venv-docs .venv-peer build *.egg-info
 
 $(INSTALLED): requirements.lock pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv

@@ -11,9 +11,10 @@ COMMANDS = {
     "run": "train a method on a world",
     "watch": "show a robot's run as a film",
     "shield": "put an unconstrained expert behind a learned constraint",
-    "export": "write policy, reward and feasibility as StableHLO",
+    "export": "write policy, reward and feasibility as StableHLO and ONNX",
     "swap": "are reward and constraint separately right",
     "behaviour": "what recorded animals want and avoid",
+    "minari": "write demonstrations as a Minari data set",
     "expert": "train a robot's expert and write demonstrations",
     "recovery": "every method on four grids",
     "sweeps": "how results depend on settings and demonstrations",
@@ -27,6 +28,7 @@ COMMANDS = {
     "pendulum_lqr": "what the pendulum's noise allows",
 }
 BAD_INPUT = 2
+EXTRA = "install aircl-jax["  # ends the message of a package that an extra brings
 # In a wheel `experiments` and `envs` are within this package, so that no folder of one's own is in their way.
 INSTALLED = "aircl_jax.experiments"
 
@@ -47,7 +49,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     module = f"{home}.{words[0]}"
     spec = find_spec(module)
     packaged = spec is not None and spec.submodule_search_locations is not None
-    return importlib.import_module(f"{module}.__main__" if packaged else module).main(words[1:])
+    try:
+        command = importlib.import_module(f"{module}.__main__" if packaged else module)
+    except ImportError as error:
+        if EXTRA not in str(error):
+            raise
+        tell(f"error: {error}")
+        return BAD_INPUT
+    return command.main(words[1:])
 
 
 if __name__ == "__main__":

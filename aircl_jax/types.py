@@ -1,6 +1,6 @@
 """What flows through the spine. Axis letters: S seeds, N trajectories, T steps, O observation, A action; others are local.
 
-Everything here describes one seed and, where it can, one trajectory; the batch axes are `vmap`s at their few visible places.
+Everything here describes one seed and, where it can, one trajectory; the batch axes are made by `vmap` at a few visible places.
 """
 
 from typing import Any, NamedTuple

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 T = TypeVar("T")
 
-_PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "a text"}
+_PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "a text", dict: "a group as in {NAME: VALUE}"}
 
 
 def updated(default: T, values: Mapping[str, Any], prefix: str = "") -> T:

@@ -1,8 +1,9 @@
-"""Write what a run has learned as StableHLO: `python -m experiments.export run_dir=runs/swimmer/aircl_corrected`.
+"""Write what a run has learned as StableHLO and ONNX: `python -m experiments.export run_dir=runs/swimmer/aircl_corrected`.
 
 run_dir   a run, finished or still training
 seed      one of its seeds; by default the first
-out       folder for policy, reward, step_feasibility and feasibility, and manifest.json; by default run_dir/export
+out       folder for policy, reward, step_feasibility and feasibility, and manifest.json; by default run_dir/export.
+          Policy and step_feasibility are written as ONNX too
 """
 
 import sys
@@ -41,10 +42,9 @@ def write(settings: Settings, _: Sequence[str]) -> None:
         raise ValueError(f"seed={seed} is not in {settings.run_dir}; choose from {', '.join(map(str, seeds))}")
     out = Path(settings.run_dir) / "export" if settings.out == Settings().out else Path(settings.out)
     for name, entry in export_run(result, seeds.index(seed), out)["functions"].items():
-        size = (out / entry["file"]).stat().st_size / 1000
-        say(
-            f"wrote {out / entry['file']} ({size:.0f} kB): {entry['what']}; {name} agrees to {entry['greatest_difference']:.0e}"
-        )
+        for one in (entry, *([entry["onnx"]] if "onnx" in entry else [])):
+            size, worst = (out / one["file"]).stat().st_size / 1000, one["greatest_difference"]
+            say(f"wrote {out / one['file']} ({size:.0f} kB): {entry['what']}; {name} agrees to {worst:.0e}")
     say(f"wrote {out / MANIFEST}: shapes, units and hashes")
 
 

@@ -1,4 +1,4 @@
-"""Read, check and write demonstrations D_E: .npz files without pickles, and Minari data sets."""
+"""Read, check and write demonstrations D_E: .npz files without pickles, Minari data sets and DSRL files."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from aircl_jax.demonstrations import npz
+from aircl_jax.demonstrations.dsrl import is_dsrl, read_dsrl
 from aircl_jax.demonstrations.minari_data import is_minari, read_minari
 from aircl_jax.storage import replacing
 from aircl_jax.types import Trajectory
@@ -23,9 +24,10 @@ Arrays = Mapping[str, np.ndarray]
 
 
 def load(source: str | Path, env: Env) -> Trajectory:
-    """Read D_E [N, T, …] from an .npz file, a Minari folder or `minari:ID`. Raises ValueError where it does not fit.
+    """Read D_E [N, T, …] from an .npz file, a Minari folder, `minari:ID` or a DSRL file (.hdf5).
 
     What the source does not hold is filled: `mask` with ones, `reward` and `cost` with NaN, that is, undefined.
+    Raises ValueError, in one line, where it does not fit.
     """
     try:
         arrays = _read(source, env)
@@ -44,8 +46,9 @@ def _read(source: str | Path, env: Env) -> dict[str, np.ndarray]:
     """Read the arrays of NAMES, where their shapes fit the environment."""
     if not str(source).strip():
         raise ValueError("the name is empty; give an .npz file, a Minari folder or minari:ID, or leave the setting out")
-    if is_minari(source):
-        arrays = read_minari(str(source), env.horizon)
+    if is_minari(source) or is_dsrl(source):
+        minari = is_minari(source)
+        arrays = read_minari(str(source), env.horizon) if minari else read_dsrl(Path(source), env.horizon)
         _check_shapes({name: npz.Header(array.shape, array.dtype) for name, array in arrays.items()}, env)
         return arrays
     with _archive(Path(source)) as archive:

@@ -16,17 +16,7 @@ from experiments.cli.hydra_cli import Composed
 from tests.worlds import command_module
 
 ROOT = Path(__file__).parents[2]
-PAGES = (
-    "README.md",
-    "CONTRIBUTING.md",
-    *(
-        f"docs/{page}.md"
-        for page in (
-            *("guide", "results", "animals", "equations", "experts", "physics", "learner"),
-            *("research", "robustness", "swap", "deploy"),
-        )
-    ),
-)
+PAGES = ("README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md")))
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -101,6 +91,7 @@ UNDERSTOOD = {
     "experiments.swap": parsed_by("experiments.swap"),
     "experiments.learner": parsed_by("experiments.learner"),
     "experiments.behaviour": parsed_by("experiments.behaviour"),
+    "experiments.minari": parsed_by("experiments.minari"),
     "experiments.export": parsed_by("experiments.export"),
     "experiments.shield": parsed_by("experiments.shield"),
 }

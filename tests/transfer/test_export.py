@@ -84,7 +84,8 @@ def test_without_flatbuffers_one_line_names_the_extra(monkeypatch, tmp_path):
 
 
 def test_files_have_the_hashes_of_the_manifest_and_a_wrong_function_is_refused(monkeypatch, tmp_path):
-    pytest.importorskip("flatbuffers", reason="the extra `export` is not installed")
+    for package in ("flatbuffers", "onnx", "onnxruntime"):
+        pytest.importorskip(package, reason="the extra `export` is not installed")
     result, found = functions(True)
     monkeypatch.setattr(export, "exportables", lambda *_: [found["policy"], found["step_feasibility"]])
     manifest = export_run(result, 1, tmp_path)
@@ -92,6 +93,7 @@ def test_files_have_the_hashes_of_the_manifest_and_a_wrong_function_is_refused(m
     for entry in manifest["functions"].values():
         assert hashlib.sha256((tmp_path / entry["file"]).read_bytes()).hexdigest() == entry["sha256"]
         assert entry["greatest_difference"] <= 1e-6
+        assert hashlib.sha256((tmp_path / entry["onnx"]["file"]).read_bytes()).hexdigest() == entry["onnx"]["sha256"]
     assert manifest["functions"]["policy"]["inputs"][0]["shape"] == ["b", 8]
     assert "velocity of x, m/s" in manifest["functions"]["policy"]["inputs"][0]["unit"]
     other = found["policy"]._replace(call=lambda obs: jax.tree.map(lambda leaf: leaf + 1e-4, found["policy"].call(obs)))
@@ -112,7 +114,8 @@ assert not {"aircl_jax", "envs", "flax", "distrax"} & set(sys.modules)
 
 @pytest.mark.slow
 def test_a_process_with_jax_alone_gets_the_same_policy(tmp_path):
-    pytest.importorskip("flatbuffers", reason="the extra `export` is not installed")
+    for package in ("flatbuffers", "onnx", "onnxruntime"):
+        pytest.importorskip(package, reason="the extra `export` is not installed")
     result, found = functions(True)
     export_run(result, 1, tmp_path)
     [obs] = fresh_inputs(result, found["policy"], 11, 3)
