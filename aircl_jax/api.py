@@ -9,10 +9,12 @@ from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from aircl_jax.algorithm.evaluation import evaluate as evaluate_seed
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.analysis.activities import maps_of_activities
+from aircl_jax.analysis.recovered_limits import measures_of_limits
 from aircl_jax.defects import Attempts
 from aircl_jax.demonstrations import sources
 from aircl_jax.messages import warn
@@ -106,7 +108,7 @@ def load(run_dir: str | Path) -> Result:
     summary = _kept_summary(directory, spec) if directory.finished else None
     if summary is None:
         evaluation = _evaluator(networks, expert, reference)(states)
-        summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, directory.timing())
+        summary = summarise(spec, {**evaluation, **_of_the_learned(spec, networks, states)}, directory.timing())
     return _result(spec, networks, states, expert, reference, summary, directory)
 
 
@@ -142,7 +144,7 @@ def _train(
             stop=stop,
         )
         with defects_apart():
-            summary = summarise(spec, {**evaluation, **of_a_grid(spec, networks, states)}, record.timing())
+            summary = summarise(spec, {**evaluation, **_of_the_learned(spec, networks, states)}, record.timing())
             result = _result(spec, networks, states, expert, reference, summary, record)
         if directory:
             result = _keep(result, directory, command, stop, notes)
@@ -188,6 +190,11 @@ def _maps(result: Result) -> Mapping[str, Any]:
     if spec.method.is_fitted:
         return maps_of_activities(spec.env.view, result.states)
     return maps_of_a_grid(spec, result.networks, result.states, result.expert)
+
+
+def _of_the_learned(spec: RunSpec, networks: Networks, states: TrainState) -> Mapping[str, np.ndarray]:
+    """Measure what was learned apart from its policy: by the swap test on a grid, by its limits where it has any."""
+    return {**of_a_grid(spec, networks, states), **measures_of_limits(networks, states)}
 
 
 def _kept_summary(directory: RunDirectory, spec: RunSpec) -> Mapping[str, Any] | None:

@@ -29,15 +29,6 @@ class Limits(NamedTuple):
     least: Float[np.ndarray, " I"]  # of the demonstrations
     greatest: Float[np.ndarray, " I"]
 
-    def metrics(self) -> dict[str, Float[np.ndarray, " S"]]:
-        """{recovered_limit/COORDINATE/upper|lower: [S]}."""
-        sides = (("upper", self.upper), ("lower", self.lower))
-        return {
-            f"recovered_limit/{name}/{side}": values[:, index]
-            for index, name in enumerate(self.names)
-            for side, values in sides
-        }
-
 
 def recovered_limits(result: Result) -> Limits | None:
     """Move one coordinate of demonstrated steps at a time; None where δ₁ is not of a robot's coordinates.
@@ -75,15 +66,33 @@ def recovered_limits(result: Result) -> Limits | None:
     return Limits(tuple(names[i] for i in shown), lower, upper, least[shown], greatest[shown])
 
 
+def measures_of_limits(nets: Networks, states: TrainState) -> dict[str, Float[np.ndarray, " S"]]:
+    """{recovered_limit/MOTOR/upper|lower: [S]} of a row that has limits as parameters, NaN where none; empty for others."""
+    space = nets.env.action_space
+    if not nets.method.has_twin or not isinstance(space, Box):
+        return {}
+    lower, upper = _drawn(states, space)
+    return {
+        f"recovered_limit/{name}/{side}": values[:, index]
+        for index, name in enumerate(nets.env.motor_names)
+        for side, values in (("upper", upper), ("lower", lower))
+    }
+
+
 def _limits_of_actions(result: Result, space: Box) -> Limits:
     """Read the limits that the row has as parameters."""
-    drawn = result.states.params.feasibility["step"]["params"]
-    ends = [jnp.asarray(drawn[side]) for side in ("lower", "upper")]
-    lower, upper = (
-        np.asarray(jnp.where(jnp.abs(of_side) < UNLIMITED, space.from_half_widths(of_side), jnp.nan), float) for of_side in ends
-    )
     taken = demonstrated_steps(result)[:, result.spec.env.obs_size :]
-    return Limits(result.spec.env.motor_names, lower, upper, taken.min(axis=0), taken.max(axis=0))
+    return Limits(result.spec.env.motor_names, *_drawn(result.states, space), taken.min(axis=0), taken.max(axis=0))
+
+
+def _drawn(states: TrainState, space: Box) -> tuple[Float[np.ndarray, "S A"], Float[np.ndarray, "S A"]]:
+    """Lower and upper limits in the actions' own unit."""
+    of = states.params.feasibility["step"]["params"]
+    ends = [jnp.asarray(of[side]) for side in ("lower", "upper")]
+    lower, upper = (
+        np.asarray(jnp.where(jnp.abs(end) < UNLIMITED, space.from_half_widths(end), jnp.nan), float) for end in ends
+    )
+    return lower, upper
 
 
 def demonstrated_steps(result: Result) -> Float[np.ndarray, "N I"]:

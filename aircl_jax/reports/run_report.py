@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from aircl_jax.reports import markdown
-from aircl_jax.reports.summary import MEANINGS, SWAP_MEANINGS
+from aircl_jax.reports.summary import meaning
 from aircl_jax.runs.directory import FIGURES, REPORT
 from aircl_jax.settings.env_defaults import GUESTS
 from envs import ENVS
@@ -17,7 +17,7 @@ def table(summary: Mapping[str, Any]) -> str:
     for name, row in _defined(summary).items():
         spread = "" if row["std"] is None else f" ± {_short(row['std'])}"
         of = f" (of {row['of']} seeds)" if "of" in row else ""
-        rows.append((name, _short(row["mean"]) + spread + of, (MEANINGS | SWAP_MEANINGS).get(name, "")))
+        rows.append((name, _short(row["mean"]) + spread + of, meaning(name)))
     return markdown.table(("metric", "mean ± std", "what"), rows, aligned=True)
 
 

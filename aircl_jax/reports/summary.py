@@ -66,6 +66,13 @@ SWAP_MEANINGS = {  # of a run on a grid: aircl_jax.transfer.table_tests
 }
 
 
+def meaning(name: str) -> str:
+    """Say what a measure is."""
+    if name.startswith("recovered_limit/"):
+        return "where δ₁ begins to forbid"
+    return (MEANINGS | SWAP_MEANINGS).get(name, "")
+
+
 def statistics(per_seed: Sequence[Any] | np.ndarray, left_out: Collection[int] = ()) -> dict[str, Any]:
     """Compute mean and standard deviation beside every seed; both are undefined if any seed is.
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from aircl_jax.analysis import recovered_limits as limits
-from aircl_jax.analysis.recovered_limits import Limits, beyond, limits_of, mean_delta, recovered_limits
+from aircl_jax.analysis.recovered_limits import beyond, limits_of, mean_delta, recovered_limits
 from aircl_jax.types import Trajectory
 from tests.finished_runs import untrained, untrained_robot
 from tests.worlds import UNOPTIMISED
@@ -98,16 +98,6 @@ def test_coordinates_that_the_constraint_does_not_see_have_none(monkeypatch):
 def test_a_grid_and_a_method_without_a_test_of_steps_have_no_limits():
     assert recovered_limits(untrained("aircl_corrected")) is None
     assert recovered_limits(untrained_robot("airl_centred")) is None
-
-
-def test_metrics_are_named_by_coordinate_and_side():
-    found = Limits(("x", "y"), np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[5.0, 6.0], [7.0, 8.0]]), np.zeros(2), np.ones(2))
-    assert {name: values.tolist() for name, values in found.metrics().items()} == {
-        "recovered_limit/x/upper": [5.0, 7.0],
-        "recovered_limit/x/lower": [1.0, 3.0],
-        "recovered_limit/y/upper": [6.0, 8.0],
-        "recovered_limit/y/lower": [2.0, 4.0],
-    }
 
 
 def test_what_is_often_done_lies_beyond_no_limit():

@@ -11,7 +11,7 @@ import pytest
 from aircl_jax.algorithm.boxes.action_limits import BINS, Made
 from aircl_jax.algorithm.boxes.moments import Weights
 from aircl_jax.algorithm.boxes.twins import Contrast
-from aircl_jax.analysis.recovered_limits import recovered_limits
+from aircl_jax.analysis.recovered_limits import measures_of_limits, recovered_limits
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.reports.card import as_json, as_markdown, card_of, closing, is_card
 from tests.finished_runs import untrained_robot
@@ -84,3 +84,16 @@ def test_the_card_is_one_that_can_be_written_and_read():
     assert "velocity of x" in as_markdown(card, "a run")
     assert closing(card).startswith("What it wants: velocity of x (+0.5), (heading)²")
     assert "motor front above 0.49 ± 0.01" in closing(card)
+
+
+def test_the_limits_are_measures_of_every_seed_with_none_where_there_is_none():
+    run = known()
+    measures = measures_of_limits(run.networks, run.states)
+    found = recovered_limits(run)
+    assert list(measures)[:2] == ["recovered_limit/motor front/upper", "recovered_limit/motor front/lower"]
+    for index, name in enumerate(found.names):
+        np.testing.assert_array_equal(measures[f"recovered_limit/{name}/upper"], found.upper[:, index])
+        np.testing.assert_array_equal(measures[f"recovered_limit/{name}/lower"], found.lower[:, index])
+    assert np.isfinite(measures["recovered_limit/motor front/upper"]).all()
+    assert np.isnan(measures["recovered_limit/motor rear/lower"]).any()
+    assert measures_of_limits(untrained_robot("aircl_corrected").networks, run.states) == {}
