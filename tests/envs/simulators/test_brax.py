@@ -110,6 +110,7 @@ def test_braxs_own_swimmer_is_refused_and_its_ant_is_taken():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_figures")
 def test_a_task_trains_from_the_command_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     world = "env=brax env.task=inverted_pendulum env.backend=spring env.horizon=8 env.constraint=speed env.limit=0.05"

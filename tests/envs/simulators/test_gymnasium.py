@@ -1,6 +1,5 @@
-"""A world that is not JAX: its episodes are Gymnasium's own, its states are values, and what does not fit is one line."""
+"""A world that is not JAX: its episodes are Gymnasium's own, and its states are values."""
 
-import importlib
 import json
 import time
 from functools import cache
@@ -17,35 +16,7 @@ from envs import Env, Limit, from_gymnasium, make_env
 from envs.checks import check_env
 from envs.robots.practice_worlds import restarting
 from envs.simulators import host as hosts
-
-HORIZON, WALL = 6, 1.5
-Box = gymnasium.spaces.Box
-
-
-class Cart(gymnasium.Env):
-    """A cart that is pushed, in a wind that its own generator draws; it ends at a wall."""
-
-    observation_space = Box(-np.inf, np.inf, (2,), np.float32)
-    action_space = Box(-1.0, 1.0, (1,), np.float32)
-    tells_cost, made = True, 0
-
-    def __init__(self):
-        type(self).made += 1
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        self.x, self.v = self.np_random.normal(size=2) * 0.1
-        return np.array([self.x, self.v]), {}
-
-    def step(self, action):
-        self.v += float(action[0]) + 0.1 * self.np_random.normal()
-        self.x += 0.3 * self.v
-        info = {"cost": 2.0 * (self.v > 0.5)} if self.tells_cost else {}
-        return np.array([self.x, self.v]), -abs(self.x), self.x > WALL, False, info
-
-
-def fast(obs, action):
-    return jnp.abs(obs[1]) > 0.5
+from tests.envs.simulators.carts import HORIZON, Cart, fast
 
 
 @cache
@@ -157,70 +128,6 @@ def test_its_own_cost_may_be_the_cost():
         assert step.cost == costs == float(step.obs[1] > 0.5)
 
 
-class Silent(Cart):
-    tells_cost = False
-
-
-class Restless(Cart):
-    def reset(self, *, seed=None, options=None):
-        return super().reset(seed=None)
-
-
-class Named(Cart):
-    observation_space = gymnasium.spaces.Dict({"x": Box(-1.0, 1.0, (1,))})
-
-
-class Uneven(Cart):
-    action_space = Box(np.array([-1.0, -2.0]), np.array([1.0, 2.0]), dtype=np.float64)
-
-
-@pytest.mark.parametrize(
-    ("make", "violated", "message"),
-    [
-        (Silent, "info", r"Silent gives no info\['cost'\]; choose another constraint"),
-        (Restless, fast, "Restless does not follow from its seed and actions alone"),
-        (Named, fast, "observations of Named are Dict.*; choose an environment with a Box of one axis of floats"),
-        (Uneven, fast, "actions of Uneven have bounds that differ; wrap it in gymnasium.wrappers.RescaleAction"),
-        (Cart, lambda obs, action: obs[1], "the constraint of Cart gives float32; choose true or false"),
-        (Cart(), fast, "Cart is not registered; pass a function that makes it"),
-    ],
-)
-def test_another_kind_of_world_is_refused_in_one_line(make, violated, message):
-    with pytest.raises(ValueError, match=message):
-        from_gymnasium(make, violated, HORIZON)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"task": "Pendulum-v99"}, "env.task=Pendulum-v99 of gymnasium cannot be made: "),
-        ({"task": "CartPole-v1"}, r"actions of env.task=CartPole-v1 are Discrete\(2\); choose"),
-        (
-            {"constraint": "coordinate", "coordinate": 3, "limit": 1.0},
-            "env.coordinate=3: an observation of env.task=Pendulum-v1 has",
-        ),
-        ({"constraint": "coordinate"}, "env.limit=default: env.constraint=coordinate has no limit of its own"),
-        (
-            {"constraint": "speed", "limit": 1.0},
-            "unknown constraint 'speed' of Pendulum-v1; choose from none, torque, coordinate",
-        ),
-        ({"constraint": "info"}, r"gives no info\['cost'\]"),
-    ],
-)
-def test_a_wrong_setting_is_one_line(settings, message):
-    with pytest.raises(ValueError, match=message):
-        make_env("gymnasium", **settings)
-
-
-def test_without_gymnasium_one_line_names_the_extra(monkeypatch):
-    def absent(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr(importlib, "import_module", absent)
-    with pytest.raises(ValueError, match=r"needs the package gymnasium, which is not installed; install aircl-jax\[gym\]"):
-        from_gymnasium(Cart, fast, HORIZON)
-
-
 def test_a_registered_world_has_a_limit_across_its_coordinate():
     env = make_env("gymnasium", task="Pendulum-v1", constraint="coordinate", coordinate=2, limit=6.0)
     check_env(env)
@@ -231,6 +138,7 @@ def test_a_registered_world_has_a_limit_across_its_coordinate():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_figures")
 def test_a_resumed_run_has_the_same_bytes_as_an_uninterrupted_one(tmp_path):
     steps = np.concatenate([pushes(3), np.zeros((HORIZON, 3, 1), np.float32)], axis=-1).swapaxes(0, 1)
     np.savez(tmp_path / "mine.npz", obs=steps, action=steps[..., :1])
