@@ -1,7 +1,6 @@
 """Measure the speed on this machine: steps per second, start-up, memory, and the time of each part of an iteration.
 
 `python -m experiments.benchmark env=gridworld`. Settings, as NAME=VALUE:
-
 env         environment
 method      method
 seeds       number of seeds
