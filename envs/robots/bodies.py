@@ -223,4 +223,4 @@ SWIMMER = Body(SWIMMER_MJCF, 4, 0.1, contacts=False, newton_steps=3, iterations=
 WALKER = Body(WALKER_MJCF, 4, 5e-3, contacts=True, newton_steps=5, iterations=4, ls_iterations=6)
 PENDULUM = Body(PENDULUM_MJCF, 2, 0.01, contacts=False, newton_steps=3, iterations=4, ls_iterations=6)
 HALFCHEETAH = Body(HALFCHEETAH_MJCF, 5, 0.1, contacts=True, newton_steps=5, iterations=4, ls_iterations=6)
-HOPPER = Body(HOPPER_MJCF, 4, 5e-3, contacts=True, newton_steps=5, iterations=4, ls_iterations=6)
+HOPPER = Body(HOPPER_MJCF, 4, 5e-3, contacts=True, newton_steps=4, iterations=4, ls_iterations=6)
