@@ -1,7 +1,7 @@
 # One environment, .venv, built from the lock; every target sets it up first and may be run again.
 # `make docs` has .venv-docs beside it, with what builds the pages; there everything else is found in .venv.
 .DELETE_ON_ERROR:
-.PHONY: run test test-slow lint docs bench table1 lock clean notebooks
+.PHONY: run test test-slow lint docs wheel bench table1 lock clean notebooks
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -26,6 +26,9 @@ lint: $(INSTALLED)
 
 docs: .venv-docs/.installed  # → build/site/docs/index.html; a warning is an error
 	.venv-docs/bin/python -m sphinx -q -W --keep-going -c docs -d build/doctrees . build/site
+
+wheel: $(INSTALLED)  # builds it, installs it without an index, runs it from elsewhere
+	$(BIN)/python -m pytest -m slow tests/test_wheel.py
 
 bench: $(INSTALLED)
 	$(BIN)/python -m experiments.benchmark env=gridworld

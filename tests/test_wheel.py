@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tomllib
+import venv
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,6 +21,11 @@ assert SPEC is not None and SPEC.loader is not None
 SETUP = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(SETUP)
 SOURCES = sorted(path for package in ("aircl_jax", "envs", "experiments") for path in (ROOT / package).rglob("*.py"))
+# What the extras bring and the core has to do without.
+OF_EXTRAS = {
+    *("pandas", "tigramite", "joblib", "pyarrow", "brax", "gymnasium", "minari", "h5py", "flatbuffers", "onnx", "onnxruntime"),
+    *("tensorboardX", "wandb", "mlflow", "sphinx"),
+}
 RUN = [
     *("run", "env=gridworld", "method=airl", "scale=smoke", "iterations=2", "run_dir=out", "seeds=1"),
     *("env.size=3", "env.goal=[2,2]", "env.obstacles=[[1,1]]", "env.horizon=4", "train.hidden=[4]"),
@@ -74,6 +80,17 @@ def test_words_go_to_the_command_and_its_code_comes_back(monkeypatch, capsys):
     assert all(f"  {name} " in shown for name in COMMANDS)
 
 
+def test_a_command_whose_extra_is_missing_is_one_line(monkeypatch, capsys):
+    def absent(name):
+        if name == "experiments.figure4.__main__":
+            raise ImportError("causal links need the package tigramite, which is not installed; install aircl-jax[animals]")
+        return SimpleNamespace()
+
+    monkeypatch.setattr(console.importlib, "import_module", absent)
+    assert main(["figure4"]) == 2
+    assert capsys.readouterr().err.rstrip().endswith("install aircl-jax[animals]")
+
+
 def test_an_unknown_command_is_one_line(capsys):
     assert main(["runn"]) == 2
     assert capsys.readouterr().err.startswith("error: unknown command 'runn'; choose from run, watch")
@@ -87,28 +104,62 @@ def test_the_script_and_the_files_beside_the_code_are_declared():
     assert {Path(name).name for name in declared["aircl_jax"]} >= beside
 
 
+BLOCKING = """
+import sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {NAMES!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Absent())
+"""
+
+
 @pytest.mark.slow
-def test_a_wheel_runs_from_a_folder_that_has_envs_and_experiments_of_its_own(tmp_path):
-    sources, built, site, own = (tmp_path / name for name in ("sources", "built", "site", "own"))
+def test_a_wheel_without_any_extra_runs_from_a_folder_that_has_envs_and_experiments_of_its_own(tmp_path):
+    sources, built, own, absent = (tmp_path / name for name in ("sources", "built", "own", "absent"))
     listed = subprocess.run(["git", "-C", str(ROOT), "ls-files", "-z"], capture_output=True, check=True).stdout.decode()
     for name in filter(None, listed.split("\0")):
-        if (ROOT / name).is_file() and not name.startswith(("results/", "notebooks/", "tests/")):
+        if (ROOT / name).is_file() and not name.startswith(("results/", "notebooks/", "tests/", "docs/")):
             (sources / name).parent.mkdir(parents=True, exist_ok=True)
             (sources / name).write_bytes((ROOT / name).read_bytes())
     words = ("wheel", ".", "--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--wheel-dir", str(built))
     subprocess.run([sys.executable, "-m", "pip", *words], cwd=sources, check=True, timeout=600)
     [wheel] = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as file:
-        file.extractall(site)
         tops = {name.split("/")[0] for name in file.namelist()}
     assert {top for top in tops if not top.endswith(".dist-info")} == {"aircl_jax"}
+
+    venv.create(tmp_path / "empty", with_pip=False)
+    python = tmp_path / "empty" / "bin" / "python"
+    install = ("--python", str(python), "install", "--no-index", "--no-deps", "--quiet", str(wheel))
+    subprocess.run([sys.executable, "-m", "pip", *install], check=True, timeout=600)
+    [packages] = (tmp_path / "empty" / "lib").glob("python*/site-packages")
+    (packages / "dependencies.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")))
+    absent.mkdir()
+    (absent / "sitecustomize.py").write_text(BLOCKING.format(NAMES=OF_EXTRAS))
     for name in ("envs", "experiments"):
         (own / name).mkdir(parents=True)
         (own / name / "__init__.py").write_text("raise RuntimeError('this is not yours')", encoding="utf-8")
-    environment = os.environ | {"PYTHONPATH": str(site)}
-    command = [sys.executable, "-m", "aircl_jax.console", *RUN]
-    ended = subprocess.run(command, cwd=own, env=environment, capture_output=True, text=True, check=False, timeout=600)
+
+    def aircl(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [str(python.with_name("aircl")), *words]
+        environment = {**os.environ, "PYTHONPATH": str(absent)}
+        return subprocess.run(command, cwd=own, env=environment, capture_output=True, text=True, check=False, timeout=600)
+
+    told = aircl("run", "--help")
+    assert told.returncode == 0 and "env=gridworld" in told.stdout, told.stderr
+    ended = aircl(*RUN)
     assert ended.returncode == 0, ended.stderr
     assert "aircl run env=gridworld" in ended.stdout and "python -m" not in ended.stdout
     assert "aircl run env=gridworld" in (own / "out" / "report.md").read_text(encoding="utf-8")
     assert (own / "out" / "report.html").exists()
+    for words, extra in (
+        (("export", "run_dir=out"), "export"),
+        (("figure4",), "animals"),
+        (("minari", "minari=a-v0"), "minari"),
+    ):
+        refused = aircl(*words)
+        assert refused.returncode == 2 and refused.stderr.count("\n") == 1, refused.stderr
+        assert refused.stderr.rstrip().endswith(f"install aircl-jax[{extra}]")

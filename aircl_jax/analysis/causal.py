@@ -11,9 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 from scipy.special import stdtr
-from tigramite.data_processing import DataFrame
-from tigramite.independence_tests.independence_tests_base import CondIndTest
-from tigramite.pcmci import PCMCI
+
+try:
+    from tigramite.data_processing import DataFrame
+    from tigramite.independence_tests.independence_tests_base import CondIndTest
+    from tigramite.pcmci import PCMCI
+except ImportError as error:
+    raise ImportError("causal links need the package tigramite, which is not installed; install aircl-jax[animals]") from error
 
 PC_ALPHA = 0.05  # significance of the parent selection; Gendron et al. 2024
 RESIDUAL_FLOOR = 1e-10  # of the variance: below it the conditions determine the variable (one-hots sum to one)

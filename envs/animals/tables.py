@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Int
 
 SUFFIXES = (".csv", ".parquet")
@@ -71,6 +70,12 @@ def read_table(file: Path) -> Table:
 
 
 def _read_parquet(file: Path) -> Table:
+    try:
+        import pandas as pd
+    except ImportError as error:
+        raise ValueError(
+            f"{file}: this needs the package pandas, which is not installed; install aircl-jax[animals]"
+        ) from error
     try:
         table = pd.read_parquet(file)
         named = any(name is not None for name in table.index.names)
