@@ -1,6 +1,7 @@
 """The card and the words of the fitted row, and what a run on codes says of the other command."""
 
 from dataclasses import replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -26,8 +27,9 @@ def result(tmp_path_factory):
     shared = {"contrast_prior": "method", "seeds": SAMPLES, "first_seed": 0, "iterations": "default"}
     spec = make_spec("meerkat", "behaviour", env_settings=table, config={}, demonstrations="default", **shared)
     trainer = make_trainer(spec.env, spec.method, spec.config)
-    names, places = spec.env.view.recordings.names, spec.env.view.recordings.places
-    expert = from_arrays(spec.env.recorded.demonstrations(), spec.env)
+    env: Any = spec.env
+    names, places = env.view.recordings.names, env.view.recordings.places
+    expert = from_arrays(env.recorded.demonstrations(), env)
     state = trainer.init(jax.random.key(0), expert)
     params = jax.tree.map(lambda leaf: np.stack([np.asarray(leaf)] * SAMPLES), state.params)
     reward = params.reward["params"]["reward"].copy()
