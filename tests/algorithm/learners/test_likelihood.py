@@ -1,5 +1,7 @@
 """The row that is fitted by likelihood: its policy, reward and feasibility, its bootstrap samples, and how it is judged."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,7 +28,7 @@ def table(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fitted(table):
-    env = make_env("meerkat", state="full", **table)
+    env: Any = make_env("meerkat", state="full", **table)
     trainer = make_trainer(env, METHODS["behaviour"], LIKELIHOOD)
     one = from_arrays(env.recorded.demonstrations(), env)
     expert = jax.tree.map(lambda leaf: jnp.stack([leaf] * len(SEEDS)), one)
@@ -35,7 +37,7 @@ def fitted(table):
     return env, trainer, one, states, metrics
 
 
-def of_seed(fitted, place):
+def of_seed(fitted: Any, place: int) -> Any:
     env, trainer, expert, states, _ = fitted
     state = jax.tree.map(lambda leaf: leaf[place], states)
     return env, expert, state, trainer.networks.bind(state.params, state.obs_stats)

@@ -1,5 +1,7 @@
 """The world of whole recordings: what is seen at a row, what is replayed, and where a move leads."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +25,7 @@ def table(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def world(table):
-    env = make_env("meerkat", state="full", horizon=HORIZON, **table)
+    env: Any = make_env("meerkat", state="full", horizon=HORIZON, **table)
     assert isinstance(env.view, Activities)
     return env, env.view.recordings, env.recorded.demonstrations()
 
@@ -91,7 +93,7 @@ def test_the_recorded_actions_from_a_recorded_start_show_what_was_recorded(world
 
 
 def test_an_animal_arrives_where_it_moves_to_when_it_leaves_the_move_and_its_neighbours_go_on_as_recorded():
-    env = make_env("meerkat", data="simulated", state="full")
+    env: Any = make_env("meerkat", data="simulated", state="full")
     recordings = env.view.recordings
     step, key = jax.jit(env.step), jax.random.key(0)
     state, _ = env.reset(key)
@@ -114,7 +116,7 @@ def test_a_fold_holds_out_whole_recordings(table):
 
 
 def test_the_truth_of_the_simulated_mob_is_known_and_its_reference_set_violates():
-    env = make_env("meerkat", data="simulated", state="full")
+    env: Any = make_env("meerkat", data="simulated", state="full")
     arrays, reference = env.recorded.demonstrations(), env.recorded.reference()
     assert env.has_reward
     assert arrays["cost"].sum() == 0
