@@ -1,6 +1,6 @@
 # One environment, .venv, built from the lock; every target sets it up first and may be run again.
 .DELETE_ON_ERROR:
-.PHONY: run test test-slow lint bench table1 lock clean notebooks
+.PHONY: run test test-slow lint bench gpu table1 lock clean notebooks
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -25,6 +25,9 @@ lint: $(INSTALLED)
 
 bench: $(INSTALLED)
 	$(BIN)/python -m experiments.benchmark env=gridworld
+
+gpu: $(INSTALLED)  # on whatever accelerator is there; `make gpu scale=smoke` tests its machinery
+	$(BIN)/python -m experiments.accelerator scale=$(scale)
 
 scale ?= full
 table1: $(INSTALLED)  # hours; `make table1 scale=smoke` tests its machinery in minutes
