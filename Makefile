@@ -1,7 +1,7 @@
 # One environment, .venv, built from the lock; every target sets it up first and may be run again.
 # `make docs` has .venv-docs beside it, with what builds the pages; there everything else is found in .venv.
 .DELETE_ON_ERROR:
-.PHONY: run test test-slow lint docs wheel bench table1 lock clean notebooks
+.PHONY: run test test-slow lint docs wheel bench gpu table1 lock clean notebooks
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -32,6 +32,9 @@ wheel: $(INSTALLED)  # builds it, installs it without an index, runs it from els
 
 bench: $(INSTALLED)
 	$(BIN)/python -m experiments.benchmark env=gridworld
+
+gpu: $(INSTALLED)  # on whatever accelerator is there; `make gpu scale=smoke` tests its machinery
+	$(BIN)/python -m experiments.accelerator scale=$(scale)
 
 scale ?= full
 table1: $(INSTALLED)  # hours; `make table1 scale=smoke` tests its machinery in minutes

@@ -1,20 +1,18 @@
 """The front door: `train` runs a method on an environment over seeds, with or without a run directory."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from aircl_jax.algorithm.evaluation import evaluate as evaluate_seed
-from aircl_jax.algorithm.trainer import make_trainer
-from aircl_jax.analysis.activities import maps_of_activities
-from aircl_jax.analysis.recovered_limits import measures_of_limits
+from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.defects import Attempts
 from aircl_jax.demonstrations import sources
 from aircl_jax.messages import warn
@@ -22,6 +20,7 @@ from aircl_jax.model.networks import Networks
 from aircl_jax.reports import run_report
 from aircl_jax.reports.alarms import alarms, not_finite, not_looked_for, untuned
 from aircl_jax.reports.summary import fits, summarise
+from aircl_jax.runs import world
 from aircl_jax.runs.directory import FIGURES, THEN, TRACE, RunDirectory
 from aircl_jax.runs.loop import Stopwatch, defects_apart, run_session, since_of
 from aircl_jax.runs.opening import existing, open_run, open_saved
@@ -34,7 +33,7 @@ from aircl_jax.runs.stopping import signals_noted
 from aircl_jax.settings.checks import check_jax
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.storage import disk
-from aircl_jax.transfer.grid import maps_of_a_grid, of_a_grid
+from aircl_jax.transfer.learned import maps_of_learned, measures_of_learned
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
 from envs.animals.data_folder import command_prefix
@@ -62,7 +61,8 @@ def train(
 
     By default `method`, `iterations`, `demonstrations` and `config` are the environment's own; `config` may be a nested mapping
     of the fields to change. With `run_dir` everything is also kept there, and `resume` continues it.
-    Each of `recorders` is told of every chunk, after it has been kept; what one of them raises ends the run.
+    Each of `recorders` is told of every chunk, after it has been kept; what one of them raises ends the run. In a world of
+    processes all of them call this and have the result; the first one alone reads and writes `run_dir` and has recorders.
     `notes` are sentences that the run's report and card repeat.
 
     Raises:
@@ -84,7 +84,8 @@ def train(
     )
     directory = None
     if run_dir is not None:
-        directory = open_run(Path(run_dir), spec.settings, spec.config.checkpoint_every, existing(resume, overwrite))
+        mode, chunk = existing(resume, overwrite), spec.config.checkpoint_every
+        directory = world.in_first(lambda: open_run(Path(run_dir), spec.settings, chunk, mode))
     return _train(spec, directory, command, recorders, notes)
 
 
@@ -101,15 +102,14 @@ def load(run_dir: str | Path) -> Result:
     trainer = make_trainer(spec.env, spec.method, spec.config)
     networks = trainer.networks
     expert, reference = _demonstrations(spec)
-    init = jax.vmap(trainer.init)
-    states = directory.load(jax.eval_shape(init, seed_keys(spec.seeds), expert))
+    states = directory.load(_shapes(trainer, spec, expert))
     for remark in directory.remarks:
         warn(remark)
     summary = _kept_summary(directory, spec) if directory.finished else None
     if summary is None:
         evaluation = _evaluator(networks, expert, reference)(states)
-        summary = summarise(spec, {**evaluation, **_of_the_learned(spec, networks, states)}, directory.timing())
-    return _result(spec, networks, states, expert, reference, summary, directory)
+        summary = summarise(spec, {**evaluation, **measures_of_learned(spec, networks, states)}, directory.timing())
+    return _result(spec, networks, states, expert, reference, summary, directory.history(), directory.path)
 
 
 def _train(
@@ -119,41 +119,50 @@ def _train(
     trainer = make_trainer(spec.env, spec.method, spec.config)
     runner, networks = make_runner(trainer, spec.seeds), trainer.networks
     expert, reference = _demonstrations(spec)
-    saved = directory.load(jax.eval_shape(runner.init, expert)) if directory and directory.start else None
-    if directory and directory.finished and saved and (kept := _kept_summary(directory, spec)):
-        return _result(spec, networks, saved, expert, reference, kept, directory)
+    record, opened = directory or Memory(), directory and (directory.start, directory.finished, directory.path)
+    start, finished, path = world.from_first(opened) or (0, False, None)
+    ours = cast(RunDirectory, directory)  # for what the first process alone does, where there is a path
+    saved = None
+    if start:
+        shapes = _shapes(trainer, spec, expert)
+        saved = world.tree_of_first(lambda: ours.load(shapes), shapes)
+    if finished and saved and (kept := world.by_first(lambda: _kept_summary(ours, spec))):
+        return _result(spec, networks, saved, expert, reference, kept, world.by_first(record.history), path)
     for recorder in recorders:
         if spec.env.recorded is not None and isinstance(recorder, DataRecorder):
             recorder.on_data(spec.env.recorded.account, spec.env.recorded.warnings)
-    with signals_noted() as stop, directory.held() if directory else nullcontext():
+    with signals_noted() as stop, ExitStack() as held:
+        world.in_first(lambda: held.enter_context(directory.held()) if directory else None)
         with defects_apart():
             states = saved or runner.init(expert)
-        record = directory or Memory()
         states, evaluation = run_session(
             runner,
             states,
             expert,
-            start=directory.start if directory else 0,
+            start=start,
             iterations=spec.config.iterations,
             chunk=spec.config.checkpoint_every,
             evaluate=_evaluator(networks, expert, reference),
             env_steps=spec.env_steps,
             stopwatch=stopwatch,
-            recorders=(record, *recorders),
+            recorders=(record, *recorders) if world.is_first() else (),
             since=since_of(record.timing()),
-            stop=stop,
+            stop=partial(stop, world.most),
         )
         with defects_apart():
-            summary = summarise(spec, {**evaluation, **_of_the_learned(spec, networks, states)}, record.timing())
-            result = _result(spec, networks, states, expert, reference, summary, record)
-        if directory:
-            result = _keep(result, directory, command, stop, notes)
+            evaluation = world.by_first(lambda: {**evaluation, **measures_of_learned(spec, networks, states)})
+            summary = summarise(spec, evaluation, world.by_first(record.timing))
+            result = _result(spec, networks, states, expert, reference, summary, world.by_first(record.history), path)
+        if path:
+            result = replace(result, defects=world.by_first(lambda: _keep(result, ours, command, stop, notes)))
     relieve()
     return result
 
 
-def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[[], None], notes: Sequence[str]) -> Result:
-    """Write the summary, then all that could fail for a fault of ours, and last the report; a failure costs nothing else."""
+def _keep(
+    result: Result, directory: RunDirectory, command: str, stop: Callable[[], None], notes: Sequence[str]
+) -> tuple[str, ...]:
+    """Write the summary, then all that could fail for a fault of ours, and last the report; return what has failed."""
     from aircl_jax.figures import of_a_run
     from aircl_jax.reports.card import as_json, as_markdown, card_of
     from aircl_jax.reports.page import page_of
@@ -164,7 +173,7 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
     with disk(directory.path, THEN):
         figures = of_a_run.write_figures(result, directory.path / FIGURES, attempt, stop)
         words = attempt("the reading in plain words", lambda: reading(result), "")
-        maps = attempt("the maps", lambda: _maps(result), {})
+        maps = attempt("the maps", lambda: maps_of_learned(result), {})
         card = attempt("the card", lambda: card_of(result), None)
     directory.write_maps(maps)
     if card is not None:
@@ -181,20 +190,7 @@ def _keep(result: Result, directory: RunDirectory, command: str, stop: Callable[
     if page is not None:
         directory.write_page(page)
     directory.write_report(report)
-    return replace(result, defects=tuple(attempt.failed))
-
-
-def _maps(result: Result) -> Mapping[str, Any]:
-    """Collect the arrays of recovered.npz; none where the world has no such maps."""
-    spec = result.spec
-    if spec.method.is_fitted:
-        return maps_of_activities(spec.env.view, result.states)
-    return maps_of_a_grid(spec, result.networks, result.states, result.expert)
-
-
-def _of_the_learned(spec: RunSpec, networks: Networks, states: TrainState) -> Mapping[str, np.ndarray]:
-    """Measure what was learned apart from its policy: by the swap test on a grid, by its limits where it has any."""
-    return {**of_a_grid(spec, networks, states), **measures_of_limits(networks, states)}
+    return tuple(attempt.failed)
 
 
 def _kept_summary(directory: RunDirectory, spec: RunSpec) -> Mapping[str, Any] | None:
@@ -204,6 +200,11 @@ def _kept_summary(directory: RunDirectory, spec: RunSpec) -> Mapping[str, Any] |
         return summary
     warn(f"{directory.path / SUMMARY} is damaged; its numbers are measured again")
     return None
+
+
+def _shapes(trainer: Trainer, spec: RunSpec, expert: Trajectory) -> TrainState:
+    """The states' shapes and types, [S, …]."""
+    return jax.eval_shape(jax.vmap(trainer.init), seed_keys(spec.seeds), expert)
 
 
 def _demonstrations(spec: RunSpec) -> tuple[Trajectory, Trajectory]:
@@ -219,7 +220,7 @@ def _demonstrations(spec: RunSpec) -> tuple[Trajectory, Trajectory]:
 def _evaluator(networks: Networks, expert: Trajectory, reference: Trajectory) -> Callable[[TrainState], Row]:
     """The evaluation of all seeds' states, {metric: [S]}."""
     evaluate = make_evaluator(partial(evaluate_seed, networks), expert.mask.shape[0])
-    return lambda states: jax.device_get(evaluate(states, expert, reference))
+    return lambda states: jax.device_get(world.gathered(evaluate(states, expert, reference)))
 
 
 def _result(
@@ -229,7 +230,8 @@ def _result(
     expert: Trajectory,
     reference: Trajectory,
     summary: Mapping[str, Any],
-    record: RunDirectory | Memory,
+    history: Mapping[str, np.ndarray],
+    path: Path | None,
 ) -> Result:
     per_seed = {name: {"per_seed": row["per_seed"]} for name, row in summary["metrics"].items()}
     return Result(
@@ -241,13 +243,13 @@ def _result(
             *not_finite(summary),
             *alarms(summary["seeds"], per_seed),
         ],
-        history=record.history(),
+        history=history,
         spec=spec,
         networks=networks,
         states=states,
         expert=expert,
         reference=reference,
-        run_dir=record.path if isinstance(record, RunDirectory) else None,
+        run_dir=path,
     )
 
 

@@ -4,9 +4,9 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from aircl_jax.messages import say
+from aircl_jax.messages import say, warn
 from aircl_jax.recorders.logger import Run as Logged
 from aircl_jax.recorders.table import make_loggers
 from envs.settings import flatten, updated
@@ -14,6 +14,9 @@ from experiments.cli.command import DEFECT, DONE
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import RunSettings
 from experiments.cli.progress import Reporter
+
+if TYPE_CHECKING:
+    from aircl_jax import Result
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -29,37 +32,52 @@ def run(composed: Composed) -> int:
     about = flatten({"env": {"name": composed.env, **env_settings}, "train": train_settings})
     loggers = make_loggers(settings.log, Logged(f"{composed.env}/{settings.method}", Path(settings.run_dir), about))
 
-    from aircl_jax import train
-    from aircl_jax.reports.card import card_of, is_card
-    from aircl_jax.reports.card import closing as card_closing
-    from aircl_jax.reports.run_report import closing
-    from aircl_jax.runs.directory import CARD, PAGE
-    from aircl_jax.runs.readers import read_json
+    from aircl_jax.runs import world
+
+    if settings.distributed:
+        world.join()
+    elif strangers := world.strangers():
+        warn(f"{strangers}; with distributed=true they share the seeds of one run")
+
+    from aircl_jax import train  # computes constants, which must not be before a world is joined
 
     iterations = f"{settings.iterations} iterations of {settings.seeds} seeds"
-    reporter = Reporter(f"{settings.method} on {composed.env}, {iterations}, in {settings.run_dir}")
+    headline = f"{settings.method} on {composed.env}, {iterations}, in {settings.run_dir}"
+    recorders = [Reporter(headline), *loggers] if world.is_first() else []
     try:
         result = train(
             env=composed.env,
             env_settings=env_settings,
             config=train_settings,
             command=shlex.join(["python", "-m", "experiments.run", *composed.words]),
-            recorders=[reporter, *loggers],
+            recorders=recorders,
             notes=_notes(composed.env, settings.method, env_settings),
-            **{name: value for name, value in vars(settings).items() if name != "log"},
+            **{name: value for name, value in vars(settings).items() if name not in ("log", "distributed")},
         )
     finally:
-        for recorder in (reporter, *loggers):
+        for recorder in recorders:
             recorder.close()
-    card = read_json(Path(settings.run_dir) / CARD)
+    if world.is_first():
+        _say(result, settings.run_dir)
+    return DEFECT if result.defects else DONE
+
+
+def _say(result: "Result", run_dir: str) -> None:
+    """Print what a run has found, and where to read it."""
+    from aircl_jax.reports.card import card_of, is_card
+    from aircl_jax.reports.card import closing as card_closing
+    from aircl_jax.reports.run_report import closing
+    from aircl_jax.runs.directory import CARD, PAGE
+    from aircl_jax.runs.readers import read_json
+
+    card = read_json(Path(run_dir) / CARD)
     if not (card and is_card(card)) and not result.defects:  # of a run from before cards, or damaged
         card = card_of(result)
-    said = closing(result.summary, result.alarms, settings.run_dir)
+    said = closing(result.summary, result.alarms, run_dir)
     say(said + card_closing(card) if card else said)
-    page = Path(settings.run_dir) / PAGE
+    page = Path(run_dir) / PAGE
     if page.exists():
         say(f"\nRead it in a browser: {page.resolve().as_uri()}")
-    return DEFECT if result.defects else DONE
 
 
 def _notes(env: str, method: str, env_settings: Mapping[str, Any]) -> tuple[str, ...]:

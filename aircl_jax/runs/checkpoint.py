@@ -29,15 +29,13 @@ def save(path: Path, tree: Any, notes: Mapping[str, Any]) -> None:
     After a kill or a power cut at any moment `path` is whole or absent. Raises OSError where the disk refuses, or gives
     back other numbers than it was given.
     """
-    import orbax.checkpoint
-
     beside = path.with_name(f".saving-{path.name}")
     shutil.rmtree(beside, ignore_errors=True)
     beside.mkdir(parents=True)
     arrays = _named_arrays(tree)
     try:
         with _plain_place(beside) as place:
-            with orbax.checkpoint.StandardCheckpointer() as checkpointer:
+            with _checkpointer() as checkpointer:
                 checkpointer.save(place / _ARRAYS, arrays)
             back = _read_back(place, arrays)
             if place != beside.absolute():
@@ -110,10 +108,18 @@ def _plain_place(folder: Path, copied: str = "") -> Iterator[Path]:
         yield place
 
 
-def _restored(folder: Path) -> dict[str, np.ndarray]:
+def _checkpointer() -> Any:
+    """Make an Orbax checkpointer that waits for no other process of a world, because the first alone saves and loads."""
     import orbax.checkpoint
 
-    with orbax.checkpoint.StandardCheckpointer() as checkpointer:
+    here = jax.process_index()
+    alone = {"primary_host": here, "active_processes": {here}, "barrier_sync_key_prefix": f"process_{here}"}
+    options = orbax.checkpoint.options.MultiprocessingOptions(**alone if jax.process_count() > 1 else {})
+    return orbax.checkpoint.StandardCheckpointer(multiprocessing_options=options)
+
+
+def _restored(folder: Path) -> dict[str, np.ndarray]:
+    with _checkpointer() as checkpointer:
         return {name: np.asarray(leaf) for name, leaf in checkpointer.restore(folder / _ARRAYS).items()}
 
 

@@ -3,12 +3,14 @@
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import jax
 import numpy as np
 
 from aircl_jax.algorithm.trainer import FINITE
+from aircl_jax.runs import world
 from aircl_jax.runs.recorder import Recorder, Row, StartRecorder
 from aircl_jax.runs.seeds import Runner
 from aircl_jax.types import TrainState, Trajectory
@@ -64,11 +66,10 @@ def run_session(
 
     Chunks end at multiples of `chunk` wherever the run starts or ends, so a resumed run compiles and computes the same.
     `stop` is called before the first chunk, and after each one and all recorders; what it raises ends the session. A seed
-    in which a number was not finite, in this session or `since` an earlier one, has no measures from then on.
+    in which a number was not finite, in this session or `since` an earlier one, has no measures from then on. In a world of
+    processes the first one's recorders are called.
     """
-    for recorder in recorders:
-        if isinstance(recorder, StartRecorder):
-            recorder.on_start(start, iterations)
+    world.in_first(lambda: _started(recorders, start, iterations))
     iteration, evaluation = start, None
     stop()
     while iteration < iterations:
@@ -76,7 +77,7 @@ def run_session(
         length = end - iteration
         with defects_apart():
             states, metrics = runner.run_chunk(states, expert, length)
-            metrics = jax.device_get(metrics)
+            metrics = jax.device_get(world.gathered(metrics))
             evaluation = evaluate(states)
         since = _not_finite_since(since, metrics.pop(FINITE, None), iteration)
         rows: list[Row] = [{name: values[i] for name, values in metrics.items()} for i in range(length)]
@@ -86,14 +87,27 @@ def run_session(
         if since:
             rows = [without(row, since, iteration + i) for i, row in enumerate(rows, 1)]
             timing["not_finite"] = since
-        for recorder in recorders:
-            recorder.on_chunk(end, states, rows, timing)
+        everyones = world.gathered(states)
+        world.in_first(partial(_recorded, recorders, end, everyones, rows, timing))
         iteration = end
         stop()
     if evaluation is None:
         with defects_apart():
             evaluation = evaluate(states)
-    return states, evaluation
+    return world.gathered(states), evaluation
+
+
+def _started(recorders: Sequence[Recorder], start: int, iterations: int) -> None:
+    for recorder in recorders:
+        if isinstance(recorder, StartRecorder):
+            recorder.on_start(start, iterations)
+
+
+def _recorded(
+    recorders: Sequence[Recorder], end: int, states: TrainState, rows: Sequence[Row], timing: Mapping[str, Any]
+) -> None:
+    for recorder in recorders:
+        recorder.on_chunk(end, states, rows, timing)
 
 
 def _not_finite_since(since: Since | None, finite: np.ndarray | None, done: int) -> Since | None:

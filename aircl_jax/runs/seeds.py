@@ -11,6 +11,7 @@ from jax.sharding import AxisType, NamedSharding, PartitionSpec
 from jaxtyping import Array, Key
 
 from aircl_jax.algorithm.trainer import Trainer
+from aircl_jax.runs import world
 from aircl_jax.types import Metrics, TrainState
 
 SEED = PartitionSpec("seed")
@@ -96,17 +97,27 @@ def make_evaluator(
         return over_seeds(lambda state, of_seed: evaluate(state, of_seed, shared))(states, expert)
 
     run = jax.jit(shard(on_device, in_specs=(SEED, SEED, PartitionSpec())))
-    return lambda states, expert, shared: run(place(states), place(expert), shared)
+    return lambda states, expert, shared: run(place(states), place(expert), place(shared, PartitionSpec()))
 
 
-def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[[Any], Any]]:
+def spread(num_seeds: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Spread seeds over the devices; return `jax.shard_map` over the leading axis of inputs and outputs, and a placer of trees.
 
-    A call passes `out_specs=…` where an output has its seeds on another axis.
+    A call passes `out_specs=…` where an output has its seeds on another axis. Raises ValueError where processes cannot share
+    the seeds evenly.
     """
-    mesh = jax.make_mesh((_shards(num_seeds),), ("seed",), axis_types=(AxisType.Auto,))
-    sharding = NamedSharding(mesh, SEED)
-    return partial(jax.shard_map, mesh=mesh, out_specs=SEED, check_vma=False), lambda tree: jax.device_put(tree, sharding)
+    processes = jax.process_count()
+    if num_seeds % processes:
+        raise ValueError(f"seeds={num_seeds}: {processes} processes cannot share them evenly; choose a multiple of {processes}")
+    each = _shards(num_seeds // processes)
+    of_process = [[device for device in jax.devices() if device.process_index == index] for index in range(processes)]
+    chosen = [device for devices in of_process for device in devices[:each]]
+    mesh = jax.make_mesh((len(chosen),), ("seed",), axis_types=(AxisType.Auto,), devices=chosen)
+
+    def place(tree: Any, spec: PartitionSpec = SEED) -> Any:
+        return world.placed(tree, NamedSharding(mesh, spec))
+
+    return partial(jax.shard_map, mesh=mesh, out_specs=SEED, check_vma=False), place
 
 
 def relieve(share: float = 0.25) -> None:
@@ -124,11 +135,11 @@ def relieve(share: float = 0.25) -> None:
 
 
 def devices() -> str:
-    """Say on how many devices of which kind this process computes."""
+    """Say on how many devices of which kind this process computes, with all others of its world."""
     found = jax.devices()
     return f"{len(found)} × {found[0].device_kind}"
 
 
 def _shards(num_seeds: int) -> int:
-    """Return the largest number of devices that share the seeds evenly."""
-    return max(count for count in range(1, jax.device_count() + 1) if num_seeds % count == 0)
+    """Return the largest number of a process's devices that share its seeds evenly."""
+    return max(count for count in range(1, jax.local_device_count() + 1) if num_seeds % count == 0)

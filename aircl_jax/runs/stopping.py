@@ -16,6 +16,9 @@ class Terminated(SystemExit):
         super().__init__(128 + number)
         self.name = signal.Signals(number).name
 
+    def __reduce__(self) -> tuple[type["Terminated"], tuple[int]]:
+        return Terminated, (int(str(self.code)) - 128,)
+
 
 def terminate(number: int, _: Any) -> None:
     """Handle a signal by raising Terminated at once."""
@@ -30,17 +33,18 @@ def termination_raised() -> Iterator[None]:
 
 
 @contextmanager
-def signals_noted() -> Iterator[Callable[[], None]]:
+def signals_noted() -> Iterator[Callable[..., None]]:
     """Note SIGINT, SIGTERM and SIGHUP; yield a function that raises what was noted. The next signal acts at once.
 
+    The function may be given another which says of the signal's number, 0 for none, which number to raise for.
     Ignored signals stay ignored, and a handler of the caller's own stays in place. Outside the main thread, which alone
     has signals, nothing is noted.
     """
     noted: list[int] = []
 
-    def stop() -> None:
-        if noted:
-            raise KeyboardInterrupt if noted[0] == signal.SIGINT else Terminated(noted[0])
+    def stop(agreed: Callable[[int], int] = int) -> None:
+        if number := agreed(noted[0] if noted else 0):
+            raise KeyboardInterrupt if number == signal.SIGINT else Terminated(number)
 
     replaced = (signal.SIG_DFL, signal.default_int_handler, terminate)
     with _handled(lambda number, _: noted.append(number), ENDING, replaced, once=True):

@@ -6,6 +6,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 from unittest import mock
 
@@ -13,13 +14,16 @@ import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException, OverrideParseException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from aircl_jax.defects import described
 from aircl_jax.runs.stopping import Terminated
 from aircl_jax.settings.renamed import old_name
 from experiments.cli import hydra_settings
-from experiments.cli.command import BAD_INPUT, DONE, complain, ended, ending
+from experiments.cli.command import BAD_INPUT, DEFECT, DONE, complain, ended, ending
+from experiments.cli.jobs import Job, failures, forget, note, notes
 from experiments.cli.words import unreadable
 
 
@@ -34,36 +38,67 @@ class Composed(NamedTuple):
 def launch(task: Callable[[Composed], int | None], config_name: str, argv: Sequence[str]) -> int:
     """Compose the settings from `argv`, run the task once or over a sweep, and return the exit code.
 
-    The task may return its own code. A job of a sweep that ends early costs no other job; the highest code is returned.
+    The task may return its own code. A job of a sweep that ends early costs no other job; each one that failed is named, and
+    the highest code is returned.
     """
     return ending(lambda: _launched(task, config_name, argv), "the same command with resume=true continues")
 
 
 def _launched(task: Callable[[Composed], int | None], config_name: str, argv: Sequence[str]) -> int:
     hydra_settings.register(argv)
-    codes = [DONE]
+    codes, ran = [DONE], list[Job]()
 
     def job(config: DictConfig) -> None:
-        try:
-            values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
-            own = HydraConfig.get()
-            codes.append(task(Composed(own.runtime.choices["env"], values, tuple(own.overrides.task))) or DONE)
-        except Exception as error:
-            codes.append(ended(error))
+        codes.append(_noted(task, config))
 
     try:
         _refuse_unreadable(argv)
-        with _arguments(argv):
-            hydra.main(version_base="1.3", config_path="pkg://experiments.cli.conf", config_name=config_name)(job)()
+        with _arguments(argv) as folder:
+            try:
+                hydra.main(version_base="1.3", config_path="pkg://experiments.cli.conf", config_name=config_name)(job)()
+            finally:
+                ran += notes(folder)
     except Terminated:
         raise
     except SystemExit as stop:  # --help, and argparse's own refusals
         return stop.code if isinstance(stop.code, int) else BAD_INPUT
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # a ValueError of Hydra; `job` catches the task's
         return complain(_in_one_line(error, argv))
+    except Exception as error:  # of a launcher that lost a job
+        if not ran:
+            raise
+        codes.append(complain(described(error), DEFECT))
     finally:
         GlobalHydra.instance().clear()
-    return max(codes)
+    return max([*codes, *_ended(ran, argv)])
+
+
+def _noted(task: Callable[[Composed], int | None], config: DictConfig) -> int:
+    """Do a job, the only one or one of a sweep, and return its exit code.
+
+    In a sweep the code is noted, because a launcher may do this in another process.
+    """
+    own = HydraConfig.get()
+    words = tuple(own.overrides.task)
+    try:
+        if own.mode == RunMode.MULTIRUN:
+            note(Path(own.sweep.dir), Job(own.job.num, words, None))
+        values = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+        code = task(Composed(own.runtime.choices["env"], values, words)) or DONE
+    except Exception as error:
+        code = ended(error)
+    if own.mode == RunMode.MULTIRUN:
+        note(Path(own.sweep.dir), Job(own.job.num, words, code))
+    return code
+
+
+def _ended(ran: Sequence[Job], argv: Sequence[str]) -> Iterator[int]:
+    """Name the jobs of a sweep that failed, and yield the exit codes of all."""
+    for line in failures(ran):
+        complain(line)
+    yield from (DEFECT if job.code is None else job.code for job in ran)
+    if not ran and any(arg.startswith("hydra/launcher=") for arg in argv) and not any(arg.startswith("--") for arg in argv):
+        yield complain("no job has left a note of its end; choose a hydra.sweep.dir that all machines see", DEFECT)
 
 
 def _refuse_unreadable(argv: Sequence[str]) -> None:
@@ -75,18 +110,20 @@ def _refuse_unreadable(argv: Sequence[str]) -> None:
 
 
 @contextmanager
-def _arguments(argv: Sequence[str]) -> Iterator[None]:
-    """Set the command line that Hydra reads, and a temporary folder for the notes of Hydra's sweeper."""
+def _arguments(argv: Sequence[str]) -> Iterator[Path]:
+    """Set the command line that Hydra reads; yield the folder for the notes of a sweep, a temporary one if none is named."""
     argv = [_whole(arg) for arg in argv]
-    with tempfile.TemporaryDirectory() as notes:
-        elsewhere = [] if any(arg.startswith("hydra.sweep.dir=") for arg in argv) else [f"hydra.sweep.dir={notes}"]
+    named = [arg.partition("=")[2] for arg in argv if arg.startswith("hydra.sweep.dir=")]
+    with tempfile.TemporaryDirectory() as temporary:
+        elsewhere, folder = ([], Path(named[-1])) if named else ([f"hydra.sweep.dir={temporary}"], Path(temporary))
+        forget(folder)
         # Insert it beside the other NAME=VALUE words, because argparse takes them only in one unbroken row.
         first = next((i for i, arg in enumerate(argv) if "=" in arg and not arg.startswith("-")), len(argv))
         with (
             mock.patch.object(sys, "argv", ["experiments", *argv[:first], *elsewhere, *argv[first:]]),
             mock.patch.dict(os.environ, HYDRA_FULL_ERROR="1"),
         ):
-            yield
+            yield folder
 
 
 def _whole(word: str) -> str:

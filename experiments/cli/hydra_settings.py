@@ -28,6 +28,7 @@ seeds           number of seeds, from first_seed on; seed s is the same run alon
 iterations      iterations of training; with resume=true, a larger number extends a run
 run_dir         folder of the run; an existing run needs resume=true or overwrite=true
 demonstrations  an .npz file, a Minari folder or minari:ID instead of the environment's own
+distributed     true: the processes that srun, mpirun or the environment started together share the seeds of one run
 log             a comma list of {", ".join(LOGGERS)}; or none: metrics are in run_dir/metrics.jsonl in any case
 scale           full, or smoke: a run of seconds that tests the machinery
 train           learning rates, network sizes and coefficients, as in train.ppo.learning_rate=0.001
@@ -53,6 +54,7 @@ class RunSettings:
     log: str = "none"
     resume: bool = False
     overwrite: bool = False
+    distributed: bool = False
 
 
 DEFAULT_ENV = "gridworld"
