@@ -30,7 +30,7 @@ from experiments.cli.command import run_command
 
 REPEATS = 5  # repeats of each timing; the median is printed
 GYMNASIUMS = ("Swimmer-v4", "Walker2d-v4", "HalfCheetah-v4", "Hopper-v4", "InvertedPendulum-v4")
-PEERS = dict(zip(("swimmer", "walker", "halfcheetah", "hopper", "pendulum"), GYMNASIUMS, strict=True))
+PEERS: dict[str, str] = dict(zip(("swimmer", "walker", "halfcheetah", "hopper", "pendulum"), GYMNASIUMS, strict=True))
 PEER_PYTHON = Path(".venv-peer/bin/python")
 CHUNKS = 2  # chunks of a timed run; the first one compiles and is left out
 
