@@ -28,13 +28,8 @@ from aircl_jax.messages import say
 from experiments.cli.command import run_command
 
 REPEATS = 5  # repeats of each timing; the median is printed
-PEERS = {  # Gymnasium's names
-    "swimmer": "Swimmer-v4",
-    "walker": "Walker2d-v4",
-    "halfcheetah": "HalfCheetah-v4",
-    "hopper": "Hopper-v4",
-    "pendulum": "InvertedPendulum-v4",
-}
+GYMNASIUMS = ("Swimmer-v4", "Walker2d-v4", "HalfCheetah-v4", "Hopper-v4", "InvertedPendulum-v4")
+PEERS: dict[str, str] = dict(zip(("swimmer", "walker", "halfcheetah", "hopper", "pendulum"), GYMNASIUMS, strict=True))
 PEER_PYTHON = Path(".venv-peer/bin/python")
 CHUNKS = 2  # chunks of a timed run; the first one compiles and is left out
 
