@@ -22,7 +22,7 @@ HELP = f"""Train experts by PPO-Lagrangian and write demonstrations and a refere
   python -m experiments.expert env=swimmer
   python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
 
-env          a robot; brax, playground or gymnasium with env.task; env.NAME=VALUE changes a setting of it. Tuned are {", ".join(EXPERTS)}
+env          a robot, or brax, playground, gymnasium with env.task; env.NAME=VALUE sets one of its. Tuned: {", ".join(EXPERTS)}
 seeds        number of experts under the constraint, from first_seed on; free_seeds: number of those without it, which follow
 iterations   number of iterations; the learning rate falls to 0 at the last one
 run_dir      folder of the run; resume=true continues a run that is there, overwrite=true starts again
