@@ -81,5 +81,5 @@ def _computed(name: str, values: Sequence[Any], params: Mapping[str, Any]) -> An
 
 def _broadcast(x: np.ndarray, shape: Sequence[int], dimensions: Sequence[SupportsIndex]) -> np.ndarray:
     aligned = np.ones(len(shape), int)
-    aligned[list(dimensions)] = x.shape
+    aligned[[int(dimension) for dimension in dimensions]] = x.shape
     return np.broadcast_to(x.reshape(aligned), shape)

@@ -48,12 +48,12 @@ def make_gymnasium(options: GymnasiumOptions) -> Env:
 
 
 def from_gymnasium(
-    make: Callable[[], Any] | Any,
+    make: Any,
     violated: Callable[[Float[Array, " O"], Float[Array, " A"]], Bool[Array, ""]] | Literal["info"],
     horizon: int,
     constraint_input: Literal["state", "action", "state_action"] = "state_action",
 ) -> Env:
-    """Make an `Env` of a function that makes the environment, or of one environment that is registered.
+    """Make an `Env` of a function that makes the environment; one that is registered stands for its own.
 
     `violated(observation after the step, clipped action)` is the cost; "info": `info["cost"]` above 0 is.
     Raises ValueError, in one line, for another kind of environment.

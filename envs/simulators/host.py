@@ -40,7 +40,7 @@ class Seen(NamedTuple):
 
 def pose_of(world: Any) -> np.ndarray:
     """Read [qpos, qvel] of a world by MuJoCo; empty of any other."""
-    data = getattr(world.unwrapped, "data", None)
+    data: Any = getattr(world.unwrapped, "data", None)
     if not (hasattr(data, "qpos") and hasattr(data, "qvel")):
         return np.zeros(0, np.float32)
     return np.concatenate([data.qpos, data.qvel]).astype(np.float32)

@@ -18,7 +18,7 @@ class Rule(NamedTuple):
     """`violated(state after the step, clipped action)`, and what figures and networks need to know of it."""
 
     violated: Callable[[Any, Float[Array, " A"]], Bool[Array, ""]]
-    of: Literal["state", "state_action"]
+    of: Literal["state", "action", "state_action"]
     limit: Limit | None
 
 

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import envs
 from aircl_jax import train
 from envs import Env, Limit, from_gymnasium, make_env
 from envs.checks import check_env
@@ -132,7 +133,7 @@ def test_a_registered_world_has_a_limit_across_its_coordinate():
     env = make_env("gymnasium", task="Pendulum-v1", constraint="coordinate", coordinate=2, limit=6.0)
     check_env(env)
     assert env.title == "gymnasium Pendulum-v1" and env.limit == Limit("coordinate", 6.0, 2, both_sides=True)
-    assert (env.horizon, env.obs_size, env.action_space.low, env.action_space.high) == (200, 3, -2.0, 2.0)
+    assert (env.horizon, env.obs_size, env.action_space) == (200, 3, envs.Box(1, -2.0, 2.0))
     again = from_gymnasium(gymnasium.make("Pendulum-v1"), fast, 200)
     assert again.name == "pendulumenv" and not again.registered
 
