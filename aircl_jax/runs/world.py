@@ -6,7 +6,8 @@ of them must call these functions in the same order, because each waits for the 
 
 import os
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar, cast
 
 import jax
@@ -80,10 +81,11 @@ def from_first(value: T) -> T:
     if jax.process_count() == 1:
         return value
     sent = pickle.dumps(value) if is_first() else b""
-    size = int(multihost_utils.broadcast_one_to_all(np.int32(len(sent))))
-    room = np.zeros(1 << (size - 1).bit_length(), np.uint8)  # a power of two, because each size is compiled
-    room[: len(sent)] = np.frombuffer(sent, np.uint8)
-    told = multihost_utils.broadcast_one_to_all(room)[:size].tobytes()
+    with _losses_said():
+        size = int(multihost_utils.broadcast_one_to_all(np.int32(len(sent))))
+        room = np.zeros(1 << (size - 1).bit_length(), np.uint8)  # a power of two, because each size is compiled
+        room[: len(sent)] = np.frombuffer(sent, np.uint8)
+        told = multihost_utils.broadcast_one_to_all(room)[:size].tobytes()
     return value if is_first() else pickle.loads(told)  # noqa: S301  # of the same run
 
 
@@ -103,7 +105,10 @@ def tree_of_first(make: Callable[[], T], like: T) -> T:
 
 def most(number: int) -> int:
     """Return the greatest of all processes' numbers."""
-    return number if jax.process_count() == 1 else int(multihost_utils.process_allgather(np.int32(number)).max())
+    if jax.process_count() == 1:
+        return number
+    with _losses_said():
+        return int(multihost_utils.process_allgather(np.int32(number)).max())
 
 
 def placed(tree: T, sharding: NamedSharding) -> T:
@@ -128,9 +133,20 @@ def gathered(tree: T) -> T:
     if not spread:
         return tree
     everywhere = NamedSharding(spread[0].sharding.mesh, PartitionSpec())  # pyright: ignore[reportAttributeAccessIssue]
-    whole = jax.jit(lambda leaves: [_raw(leaf) for leaf in leaves], out_shardings=everywhere)(leaves)
-    here = [np.asarray(leaf.addressable_data(0)) for leaf in whole]
+    with _losses_said():
+        whole = jax.jit(lambda leaves: [_raw(leaf) for leaf in leaves], out_shardings=everywhere)(leaves)
+        here = [np.asarray(leaf.addressable_data(0)) for leaf in whole]
     return jax.tree.unflatten(structure, [_typed(array, leaf.dtype) for array, leaf in zip(here, leaves, strict=True)])
+
+
+@contextmanager
+def _losses_said() -> Iterator[None]:
+    """Raise ConnectionError in one line where another process no longer answers."""
+    try:
+        yield
+    except (ValueError, RuntimeError) as error:  # XLA's are either
+        then = "the same command in all of them with resume=true goes on"
+        raise ConnectionError(f"another process of this run has ended ({described(error)[:120]}); {then}") from error
 
 
 def _raw(leaf: Any) -> Any:

@@ -80,6 +80,7 @@ UNDERSTOOD = {
     "experiments.expert": parsed_by_expert,
     "experiments.recovery": parsed_by("experiments.recovery"),
     "experiments.table1": parsed_by("experiments.table1"),
+    "experiments.accelerator": parsed_by("experiments.accelerator"),
     "experiments.benchmark": parsed_by("experiments.benchmark"),
     "experiments.watch": parsed_by("experiments.watch"),
     "experiments.sweeps": parsed_by("experiments.sweeps"),
@@ -101,7 +102,9 @@ UNDERSTOOD = {
 def test_a_documented_command_is_understood_and_writes_nothing(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     # A launcher is a plugin that need not be installed; its folder is written to.
-    words = [word for word in shlex.split(command) if not word.startswith(("hydra/launcher=", "hydra.sweep.dir="))]
+    words = [
+        word for word in shlex.split(command) if not word.startswith(("hydra/launcher=", "hydra.launcher.", "hydra.sweep.dir="))
+    ]
     start = words.index("-m")
     assert UNDERSTOOD[words[start + 1]](words[start + 2 :]) == 0
     assert list(tmp_path.iterdir()) == []

@@ -123,7 +123,19 @@ def test_other_commands_refuse_in_one_line_too(words, message, capsys):
 
 @pytest.mark.parametrize(
     "command",
-    ["benchmark", "figure2", "figure3", "figure4", "pendulum_lqr", "physics", "recovery", "sweeps", "table1", "watch"],
+    [
+        "accelerator",
+        "benchmark",
+        "figure2",
+        "figure3",
+        "figure4",
+        "pendulum_lqr",
+        "physics",
+        "recovery",
+        "sweeps",
+        "table1",
+        "watch",
+    ],
 )
 def test_every_command_says_what_it_is_for(command, capsys):
     with pytest.raises(SystemExit) as ended:

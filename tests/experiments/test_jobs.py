@@ -58,7 +58,7 @@ def sweep(launcher: str, run_dir: str, *words: str) -> subprocess.Popen:
 @pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_a_failed_job_of_a_launcher_is_named_and_a_killed_sweep_goes_on(launcher):
     pytest.importorskip(LAUNCHERS[launcher][0])
-    words = ("${first_seed}", "first_seed=0,1,2")
+    words = ("run_${first_seed}", "first_seed=0,1,2")
     killed = sweep(launcher, *words)
     while not list(Path().glob("*/timing.jsonl")) and killed.poll() is None:
         time.sleep(0.05)
@@ -70,10 +70,10 @@ def test_a_failed_job_of_a_launcher_is_named_and_a_killed_sweep_goes_on(launcher
     resumed = sweep(launcher, *words, "resume=true")
     said = resumed.communicate(timeout=3600)
     assert resumed.returncode == 0, said
-    assert sorted(path.parent.name for path in Path().glob("*/report.md")) == ["0", "1", "2"]
+    assert sorted(path.parent.name for path in Path().glob("*/report.md")) == ["run_0", "run_1", "run_2"]
     alone = [*WORDS, f"iterations={CHUNK}", "first_seed=1", "run_dir=alone"]
     subprocess.run([sys.executable, "-m", "experiments.run", *alone], env=os.environ | {"PYTHONPATH": str(ROOT)}, check=True)
-    assert Path("1/metrics.jsonl").read_bytes() == Path("alone/metrics.jsonl").read_bytes()
+    assert Path("run_1/metrics.jsonl").read_bytes() == Path("alone/metrics.jsonl").read_bytes()
 
     failing = sweep(launcher, "hidden_${train.hidden}", "train.hidden=[0],[]")
     err = failing.communicate(timeout=3600)[1]
@@ -90,7 +90,7 @@ def test_a_process_of_a_hundred_jobs_keeps_its_memory_and_maps():
     measured = []
     for ten in range(10):
         seeds = ",".join(str(seed) for seed in range(10 * ten, 10 * ten + 10))
-        assert main(["-m", *WORDS, f"iterations={CHUNK}", f"first_seed={seeds}", "run_dir=${first_seed}"]) == 0
+        assert main(["-m", *WORDS, f"iterations={CHUNK}", f"first_seed={seeds}", "run_dir=run_${first_seed}"]) == 0
         gc.collect()
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         measured.append((pages * os.sysconf("SC_PAGE_SIZE") / 1e6, len(Path("/proc/self/maps").read_bytes().splitlines())))

@@ -14,10 +14,11 @@ import jax
 import numpy as np
 import pytest
 
-from aircl_jax.runs import world
+from aircl_jax.runs import checkpoint, world
+from aircl_jax.runs.metrics_log import read_metrics
 from aircl_jax.runs.seeds import spread
 from aircl_jax.runs.stopping import Terminated
-from tests.tiny_runs import ITERATIONS, WORDS
+from tests.tiny_runs import CHUNK, ITERATIONS, WORDS
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,6 +50,17 @@ def test_an_error_that_cannot_be_sent_is_described():
     assert str(world._portable(NotSentError("what", "else"))) == "NotSentError: what"
 
 
+def test_a_process_that_no_longer_answers_is_one_line(monkeypatch):
+    monkeypatch.setattr(jax, "process_count", lambda: 2)
+
+    def lost(_):
+        raise ValueError("UNKNOWN: Gloo AllGather failed:\nConnection closed by peer")
+
+    monkeypatch.setattr(world.multihost_utils, "process_allgather", lost)
+    with pytest.raises(ConnectionError, match=r"another process .* \(ValueError: UNKNOWN: Gloo .*\); .* resume=true goes on$"):
+        world.most(1)
+
+
 @pytest.mark.parametrize(
     ("variables", "said"),
     [
@@ -77,9 +89,52 @@ def test_seeds_that_processes_cannot_share_are_refused(monkeypatch):
         spread(3)
 
 
+# What the processes of a world tell each other, without a training.
+SCRIPT = """
+import os, signal
+from aircl_jax import runtime
+runtime.prepare(devices=1)
+from aircl_jax.runs import world
+world.join()
+import jax, numpy as np
+from aircl_jax.runs.seeds import seed_keys, spread
+from aircl_jax.runs.stopping import signals_noted
+from experiments.cli.command import ending
+
+place = spread(2)[1]
+mine = {"keys": seed_keys([0, 1]), "x": np.arange(4.0)}
+back = world.gathered(place(mine))
+assert (jax.random.key_data(back["keys"]) == jax.random.key_data(mine["keys"])).all() and (back["x"] == mine["x"]).all()
+first = jax.process_index() == 0
+tree = world.tree_of_first(lambda: back, jax.eval_shape(lambda: back))
+assert (jax.random.key_data(tree["keys"]) == jax.random.key_data(mine["keys"])).all()
+assert world.by_first(lambda: {"pid": os.getpid()} if first else 1 / 0)["pid"] and world.most(3 if first else 7) == 7
+
+def refuse():
+    raise ValueError(f"refused by {os.getpid()}")
+
+try:
+    world.in_first(refuse)
+except ValueError as error:
+    print(error)
+
+def task():
+    with signals_noted() as stop:
+        if not first:
+            os.kill(os.getpid(), signal.SIGTERM)
+        stop(world.most)
+
+raise SystemExit(ending(task))
+"""
+
+
 def start(words: list[str], **variables: str) -> subprocess.Popen:
+    return begun(["-m", "experiments.run", *words], **variables)
+
+
+def begun(arguments: list[str], **variables: str) -> subprocess.Popen:
     environment = os.environ | {"PYTHONPATH": str(ROOT), **variables}
-    command = [sys.executable, "-m", "experiments.run", *words]
+    command = [sys.executable, *arguments]
     return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -87,6 +142,16 @@ def free_port() -> int:
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         return found.getsockname()[1]
+
+
+@pytest.mark.slow
+def test_processes_share_arrays_refusals_and_signals():
+    port = free_port()
+    variables = [{world.ADDRESS: f"127.0.0.1:{port}", world.NUMBER: "2", world.INDEX: index} for index in ("0", "1")]
+    started = [begun(["-c", SCRIPT], JAX_NUM_CPU_DEVICES="1", **each) for each in variables]
+    said = [process.communicate(timeout=600) for process in started]
+    assert [process.returncode for process in started] == [143, 143], said
+    assert all(f"refused by {started[0].pid}" in out and "ended by SIGTERM" in err for out, err in said), said
 
 
 def two_processes(words: list[str], of_slurm: bool) -> list[subprocess.Popen]:
@@ -128,3 +193,23 @@ def test_two_processes_killed_and_resumed_write_what_one_with_two_devices_does(t
     for process in refused:
         assert "already holds a run; choose resume=true" in process.communicate(timeout=1800)[1]
         assert process.returncode == 2
+
+
+@pytest.mark.slow
+def test_one_two_four_and_eight_devices_train_the_same_and_a_resume_on_others_says_so(tmp_path):
+    found = {}
+    for number in (1, 2, 4, 8):
+        words = [*WORDS, "seeds=8", f"iterations={CHUNK}", f"run_dir={tmp_path / str(number)}"]
+        process = start(words, JAX_NUM_CPU_DEVICES=str(number))
+        assert process.communicate(timeout=1800)[1] == "" and process.returncode == 0
+        notes = checkpoint.notes_of(tmp_path / str(number) / "state" / f"{CHUNK:08d}")
+        assert notes["devices"] == f"{number} × cpu"
+        found[number] = read_metrics(tmp_path / str(number))
+    for number in (2, 4, 8):
+        for name, values in found[1].items():
+            np.testing.assert_allclose(found[number][name], values, rtol=1e-4, atol=1e-4, err_msg=f"{number} {name}")
+
+    longer = [*WORDS, "seeds=8", f"iterations={2 * CHUNK}", f"run_dir={tmp_path / '2'}", "resume=true"]
+    said = start(longer, JAX_NUM_CPU_DEVICES="4").communicate(timeout=1800)[1]
+    line = "was computed on 2 × cpu and goes on on 4 × cpu: its numbers may differ in their last digits"
+    assert said == f"warning: run_dir={tmp_path / '2'} {line}\n"
