@@ -22,6 +22,7 @@ from aircl_jax.messages import say, tell
 from aircl_jax.reports import markdown
 from experiments.cli.command import DEFECT, DONE, run_command
 from experiments.cli.words import listed, smoke_budget
+from experiments.shared.memory import most_memory
 
 CASES: dict[str, tuple[str, dict[str, str]]] = {
     "gridworld": ("gridworld", {}),
@@ -110,14 +111,12 @@ def measured(case: str, seeds: int, scale: str) -> Numbers:
 
 
 def memory() -> int:
-    """Return the greatest memory so far in bytes: of the first device, or of this process where that is a CPU."""
+    """Return the greatest memory so far in bytes: of the first device, or of this process where that is a CPU; 0: unknown."""
     import jax
 
     if stats := jax.local_devices()[0].memory_stats():
         return stats["peak_bytes_in_use"]
-    import resource
-
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most_memory()
 
 
 def difference(here: Mapping[str, Sequence[float]], right: Mapping[str, Sequence[float]]) -> tuple[float, str]:

@@ -38,6 +38,9 @@ MEANINGS = {
     "feasibility_policy": "mean δ̄ of the policy's samples",
     "logit_size": "mean size of the discriminator's logit",
     "entropy": "of the policy, per step",
+    "log_std_at_bound": "share of the policy's log σ that stand at a bound",
+}
+ANIMAL_MEANINGS = {  # of recorded animals: aircl_jax.algorithm.learners.likelihood
     "chain_gain": "log-probability of the demonstrations' next codes under π, less that of a first-order chain; both saw them",
     "log_prob": "log-probability a step of the demonstrations' next codes under π",
     "held_out_chain_gain": "nats a step over a smoothed first-order chain, on recordings that the seed did not draw",
@@ -45,7 +48,6 @@ MEANINGS = {
     "held_out_where_gain": "where to go, nats a change",
     "held_out_log_prob": "log-probability a step on recordings that the seed did not draw",
     "held_out_recordings": "how many recordings the seed did not draw",
-    "log_std_at_bound": "share of the policy's log σ that stand at a bound",
 }
 SWAP_MEANINGS = {  # of a run on a grid: aircl_jax.transfer.table_tests
     "self_return": "score of planning on (f, δ) in the same world: 0 the uniform policy's return, 1 the truth's",
@@ -70,7 +72,7 @@ def meaning(name: str) -> str:
     """Say what a measure is."""
     if name.startswith("recovered_limit/"):
         return "where δ₁ begins to forbid"
-    return (MEANINGS | SWAP_MEANINGS).get(name, "")
+    return (MEANINGS | ANIMAL_MEANINGS | SWAP_MEANINGS).get(name, "")
 
 
 def statistics(per_seed: Sequence[Any] | np.ndarray, left_out: Collection[int] = ()) -> dict[str, Any]:
@@ -139,5 +141,5 @@ def versions() -> dict[str, str]:
 
 
 def _rank(name: str) -> tuple[int, str]:
-    names = [*MEANINGS, *SWAP_MEANINGS]
+    names = [*MEANINGS, *ANIMAL_MEANINGS, *SWAP_MEANINGS]
     return (names.index(name) if name in names else len(names), name)

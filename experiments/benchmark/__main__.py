@@ -10,7 +10,6 @@ integrator  integrator of the robots
 peer        true also times the AIRL of the library imitation on a robot, in its own Python (`make .venv-peer/.installed`)
 """
 
-import importlib
 import json
 import os
 import subprocess
@@ -26,6 +25,7 @@ from typing import Any, Literal
 
 from aircl_jax.messages import say
 from experiments.cli.command import run_command
+from experiments.shared.memory import most_memory
 
 REPEATS = 5  # repeats of each timing; the median is printed
 GYMNASIUMS = ("Swimmer-v4", "Walker2d-v4", "HalfCheetah-v4", "Hopper-v4", "InvertedPendulum-v4")
@@ -95,11 +95,8 @@ def measure(settings: Settings) -> dict[str, str]:
 
 def peak_memory() -> str:
     """Return the most memory that this process held, in GiB; unknown on systems that do not say."""
-    try:
-        usage: Any = importlib.import_module("resource")
-    except ImportError:
-        return "unknown"
-    return f"{usage.getrusage(usage.RUSAGE_SELF).ru_maxrss / 2**20:.2f}"
+    most = most_memory()
+    return f"{most / 2**30:.2f}" if most else "unknown"
 
 
 def throughput(settings: Settings, seeds: int) -> tuple[float, float]:

@@ -175,12 +175,12 @@ def test_what_lies_beyond_a_limit_is_charged_and_what_is_masked_is_not():
         feasibility={"step": {"params": {"lower": jnp.array([-0.2]), "upper": jnp.array([0.5])}}}
     )
     stats = ran()[0][0].obs_stats
-    action = jnp.array([[[0.4], [0.6]], [[-0.3], [0.9]], [[0.5001], [0.9]]])
+    action = jnp.array([[[0.4], [0.51]], [[-0.21], [0.9]], [[0.5001], [0.9]]])
     mask = jnp.array([[1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
     taken = jax.tree.map(lambda leaf: leaf[:3], expert)._replace(action=action, mask=mask)
-    by_a_tenth = np.log2(1 + np.exp(LIMIT_SLOPE * 0.1))
-    expected = [[0.0, by_a_tenth], [by_a_tenth, 0.0], [np.log2(1 + np.exp(LIMIT_SLOPE * 1e-4)), twins.MOST_CHARGED]]
-    np.testing.assert_allclose(twins.beyond(nets.bind(params, stats), taken), expected, rtol=5e-3)
+    by_a_hundredth, by_little = (np.log2(1 + np.exp(CONFIG.coefficients.sharpness * LIMIT_SLOPE * x)) for x in (1e-2, 1e-4))
+    expected = [[0.0, by_a_hundredth], [by_a_hundredth, 0.0], [by_little, twins.MOST_CHARGED]]
+    np.testing.assert_allclose(twins.beyond(nets.bind(params, stats), taken), expected, rtol=1e-3)
 
 
 def test_every_number_of_a_step_is_finite():
