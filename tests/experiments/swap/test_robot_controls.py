@@ -1,6 +1,7 @@
 """Controls on robots: what their experts are made of, and what is counted of the limits drawn."""
 
 from types import SimpleNamespace
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -50,7 +51,7 @@ def test_limits_are_those_of_the_run_with_none_where_there_is_none(monkeypatch):
     limits = Limits(("front",), np.array([[np.nan], [-0.5]]), np.array([[0.5], [np.nan]]), np.array([-0.5]), np.array([0.5]))
     monkeypatch.setattr(robot_controls, "recovered_limits", lambda result: limits)
     measures = {name: {"per_seed": [1.0, 2.0]} for name in ("return", "violation_rate_policy", "step_feasibility_auroc")}
-    kept = drawn(SimpleNamespace(summary={"metrics": measures}))
+    kept = drawn(cast(Any, SimpleNamespace(summary={"metrics": measures})))
     assert (kept["lower"], kept["upper"]) == ([[None], [-0.5]], [[0.5], [None]])
     assert kept["metrics"]["return"] == [1.0, 2.0]
 
@@ -61,7 +62,7 @@ def test_the_expert_is_paid_the_true_reward_less_its_taste_and_lapses_at_random(
 
     def recombined(world, objective, seeds, config, constrained):
         asked.update(cost=world.step(KEY, world.reset(KEY)[0], jnp.full(2, 0.5))[1].reward, constrained=constrained)
-        return SimpleNamespace(made=Fresh(None, {"step": jnp.zeros(1)}, {}))
+        return SimpleNamespace(made=Fresh(cast(Any, None), cast(Any, {"step": jnp.zeros(1)}), {}))
 
     still = SimpleNamespace(policy=lambda obs, t: SimpleNamespace(sample=lambda seed: jnp.full(2, 0.25)))
     monkeypatch.setattr(robot_controls, "recombine", recombined)
