@@ -1,4 +1,4 @@
-"""The settings that each shipped expert was trained with: rows of PPO-Lagrangian, and one rule for every other task."""
+"""The settings that experts are trained with: rows and defaults of PPO-Lagrangian, and one rule for every other robot."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -78,7 +78,12 @@ Config = LagrangianConfig | LearnerConfig
 
 
 def expert_config(env: Env, constraint: str) -> Config:
-    """Return the row of this task, or the rule: early ends where the body can fall, motors that stop at a torque limit."""
+    """Return the row of this task, or the rule: early ends where the body can fall, motors that stop at a torque limit.
+
+    Worlds of other libraries have the defaults of PPO-Lagrangian: nobody says whether their bodies can fall.
+    """
+    if env.name not in ROBOTS:
+        return _DEFAULT
     name = f"{env.name}_{constraint}"
     if name in EXPERTS:
         return EXPERTS[name]

@@ -24,7 +24,8 @@ HELP = f"""Train experts and write demonstrations and a reference set.
   python -m experiments.expert env=swimmer env.constraint=position run_dir=runs/expert/mine
 
 env          a robot, or brax, playground or gymnasium with env.task; env.NAME=VALUE sets one of its settings.
-             {", ".join(EXPERTS)} are trained by PPO-Lagrangian, every other task by the learner of the swap tests
+             {", ".join(EXPERTS)} and tasks of other libraries
+             are trained by PPO-Lagrangian, every other task by the learner of the swap tests
 seeds        number of experts under the constraint, from first_seed on; free_seeds: number of those without it, which follow
 iterations   number of iterations; the learning rate falls to 0 at the last one
 run_dir      folder of the run; resume=true continues a run that is there, overwrite=true starts again

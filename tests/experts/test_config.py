@@ -1,12 +1,13 @@
 """Which learner and which settings an expert is trained by, and what of a reference set is the unconstrained expert's."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import jax.numpy as jnp
 import pytest
 
 from aircl_jax.experts.config import EXPERTS, FALLING, RULE, expert_config, read_config
 from aircl_jax.experts.selection import free_episodes
+from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from envs import make_env
 from tests.worlds import random_trajectories, tiny_grid
 
@@ -32,6 +33,10 @@ def test_a_task_with_a_row_keeps_it_and_either_kind_of_settings_is_read_back():
     row, rule = expert_config(make_env("walker"), "torque"), expert_config(make_env("hopper"), "torque")
     assert row == EXPERTS["walker_torque"]
     assert (read_config(asdict(row)), read_config(asdict(rule))) == (row, rule)
+
+
+def test_a_world_of_another_library_has_the_defaults_of_ppo_lagrangian():
+    assert expert_config(replace(make_env("walker"), name="gymnasium"), "torque") == LagrangianConfig()
 
 
 @pytest.mark.parametrize(("total", "groups", "number"), [(56, 7, 8), (140, 7, 20), (180, 8, 60), (63, 8, 21), (63, 7, 9)])
