@@ -1,10 +1,13 @@
 """Adversarial inverse reward-constraint learning: a reward, a constraint and a policy from demonstrations, in JAX.
 
-Names are loaded at their first use, so that `import aircl_jax` is fast and `runtime.prepare` can run before jax.
+Names are loaded at their first use, so that `import aircl_jax` is fast and `runtime.prepare` can run before jax. Importing it
+adds to XLA_FLAGS what makes jaxlib 0.10.2 multiply rightly (`runtime.correct_products`).
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
+
+from aircl_jax.runtime import correct_products
 
 if TYPE_CHECKING:
     from aircl_jax import gym
@@ -70,6 +73,8 @@ __all__ = [
     "sweep",
     "train",
 ]
+
+correct_products()
 
 
 def __getattr__(name: str) -> Any:

@@ -1,6 +1,7 @@
 """What must be settled before jax is imported: devices and the compilation cache. Imports nothing heavy."""
 
 import glob
+import importlib.metadata
 import os
 import re
 import warnings
@@ -9,6 +10,7 @@ from typing import Any
 
 _DAMAGED = re.compile(r"Error reading persistent compilation cache entry for '([^']+)'")  # JAX warns so
 _FORCED_DEVICES = "--xla_force_host_platform_device_count"
+_CORRECTIONS = {"0.10.2": "--xla_cpu_experimental_ynn_fusion_type="}  # by version of jaxlib: none of XLA's fusions into YNN
 
 
 def prepare(devices: int | None = None, cache: Path | None = None) -> None:
@@ -16,6 +18,7 @@ def prepare(devices: int | None = None, cache: Path | None = None) -> None:
 
     Call it before the first import of jax: later it has no effect.
     """
+    correct_products()
     if _FORCED_DEVICES not in os.environ.get("XLA_FLAGS", ""):
         os.environ.setdefault("JAX_NUM_CPU_DEVICES", str(devices or cores()))
     if kept := cache or user_cache():
@@ -24,6 +27,19 @@ def prepare(devices: int | None = None, cache: Path | None = None) -> None:
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
     if not getattr(warnings.showwarning, "mends", False):
         warnings.showwarning = _mending(warnings.showwarning)
+
+
+def correct_products() -> None:
+    """Add to XLA_FLAGS what makes this version of jaxlib multiply rightly on a CPU; `import aircl_jax` does it.
+
+    Version 0.10.2 gives wrong numbers where a matrix that is one number throughout is multiplied from the left and the
+    product reduced over rows (docs/robustness.md). XLA reads the flags at the first computation. Other versions do not
+    know every flag and would end the process, so they get none; a flag that is set already is kept.
+    """
+    correction = _CORRECTIONS.get(importlib.metadata.version("jaxlib"), "")
+    flags = os.environ.get("XLA_FLAGS", "")
+    if correction not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {correction}".strip()
 
 
 def _mending(show: Any) -> Any:
