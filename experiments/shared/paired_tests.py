@@ -1,7 +1,8 @@
-"""Test which differences a few seeds can show: paired tests, Holm's correction and bootstrap intervals."""
+"""Test which differences a few seeds can show: tests by pairs or without, Holm's correction and bootstrap intervals."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -13,6 +14,16 @@ RESAMPLES = 9999
 FEWEST_SEEDS = 6  # with fewer, no paired test of ours gives a p below 5 %
 
 Values = Mapping[int, float | None]  # {seed: value}, None where undefined
+
+
+class Gain(NamedTuple):
+    """Difference of two rows' means, its bootstrap interval, p, and the seeds of the row that has fewer."""
+
+    mean: float
+    bounds: tuple[float, float] | None
+    p: float
+    seeds: int
+    paired: bool
 
 
 class Effect(NamedTuple):
@@ -74,18 +85,48 @@ def unpaired_p(first: Sequence[float], second: Sequence[float]) -> float:
     values = (np.array(first, float), np.array(second, float))
     draws = np.random.default_rng(0)
     found = stats.permutation_test(
-        values,
-        lambda one, other: np.mean(one) - np.mean(other),
-        permutation_type="independent",
-        n_resamples=RESAMPLES,
-        rng=draws,
+        values, _between_means, permutation_type="independent", vectorized=True, n_resamples=RESAMPLES, rng=draws
     )
     return float(found.pvalue)
 
 
+def _between_means(first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
+    return np.mean(first, axis=axis) - np.mean(second, axis=axis)
+
+
 def least_p(pairs: int) -> float:
-    """Return the smallest p that the test can give with this number of pairs: all signs alike, 2 of 2^n cases."""
+    """Return the smallest p that the paired test can give with this number of pairs: all signs alike, 2 of 2^n cases."""
     return min(2.0 ** (1 - pairs), 1.0)
+
+
+def least_unpaired_p(first: int, second: int) -> float:
+    """Return the smallest p of the unpaired test of so many seeds: 2 of all exchanges, or of those that it draws."""
+    exchanges = min(math.comb(first + second, first), RESAMPLES + 1)
+    return min(2.0 / exchanges, 1.0)
+
+
+def have_pairs(first: Values, second: Values) -> bool:
+    """Whether two rows have seeds in common, by which they are then compared."""
+    return bool(first.keys() & second.keys())
+
+
+def gain(first: Values, second: Values) -> Gain | None:
+    """Compute first − second, seed by seed where both have seeds in common, else as independent samples.
+
+    Seeds at which a value is undefined are left out; None where none is left.
+    """
+    if have_pairs(first, second):
+        pairs = differences(first, second)
+        return Gain(float(pairs.mean()), interval(pairs), _p_of(first, second), len(pairs), True) if len(pairs) else None
+    one, other = _defined(first), _defined(second)
+    if not one or not other:
+        return None
+    mean = float(np.mean(one) - np.mean(other))
+    return Gain(mean, unpaired_interval(one, other), _p_of(first, second), min(len(one), len(other)), False)
+
+
+def _defined(values: Values) -> list[float]:
+    return [value for value in values.values() if value is not None]
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -100,13 +141,23 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def interval(values: Iterable[float | None]) -> tuple[float, float] | None:
     """Compute the percentile bootstrap interval of the mean; None with fewer than two values, or an undefined one."""
     sample = np.array([np.nan if value is None else value for value in values], float)
-    if len(sample) < 2 or np.isnan(sample).any():
+    return None if np.isnan(sample).any() else _bootstrap(np.mean, sample)
+
+
+def unpaired_interval(first: Sequence[float], second: Sequence[float]) -> tuple[float, float] | None:
+    """Compute the percentile bootstrap interval of the difference of means of two samples, each resampled by itself."""
+    return _bootstrap(_between_means, np.array(first, float), np.array(second, float))
+
+
+def _bootstrap(statistic: Callable[..., Any], *samples: np.ndarray) -> tuple[float, float] | None:
+    if min(map(len, samples)) < 2:
         return None
-    if np.ptp(sample) == 0:
-        return float(sample[0]), float(sample[0])
+    if all(np.ptp(sample) == 0 for sample in samples):
+        always = float(statistic(*(sample[:1] for sample in samples), axis=0))
+        return always, always
     draws = np.random.default_rng(0)
     bootstrap = stats.bootstrap(
-        (sample,), np.mean, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile", rng=draws
+        samples, statistic, n_resamples=RESAMPLES, confidence_level=CONFIDENCE, method="percentile", rng=draws
     )
     return float(bootstrap.confidence_interval.low), float(bootstrap.confidence_interval.high)
 
@@ -114,17 +165,30 @@ def interval(values: Iterable[float | None]) -> tuple[float, float] | None:
 def against_best(column: Mapping[str, Values], lower: bool) -> dict[str, float]:
     """Compute the Holm-adjusted p of each method against the method with the best mean, whose own p is 1.
 
-    Methods that are undefined on a seed are left out. The result is empty where the seeds are too few to show a difference.
+    Rows with seeds in common are compared by pairs, others without. Methods that are undefined on a seed are left out. The
+    result is empty where the seeds are too few to show a difference.
     """
     means = {name: average for name, values in column.items() if (average := mean(values)) is not None}
     if len(means) < 2:
         return {}
     best = (min if lower else max)(means, key=lambda name: means[name])
     others = [name for name in means if name != best]
-    if least_p(min(len(column[name]) for name in means)) * len(others) >= SIGNIFICANCE:
+    if max(_least_p_of(column[name], column[best]) for name in others) * len(others) >= SIGNIFICANCE:
         return {}
-    adjusted = holm([paired_p(differences(column[name], column[best])) for name in others])
+    adjusted = holm([_p_of(column[name], column[best]) for name in others])
     return {best: 1.0, **dict(zip(others, adjusted, strict=True))}
+
+
+def _p_of(first: Values, second: Values) -> float:
+    if have_pairs(first, second):
+        return paired_p(differences(first, second))
+    return unpaired_p(_defined(first), _defined(second))
+
+
+def _least_p_of(first: Values, second: Values) -> float:
+    if have_pairs(first, second):
+        return least_p(len(differences(first, second)))
+    return least_unpaired_p(len(first), len(second))
 
 
 def best_or_tied(column: Mapping[str, Values], lower: bool) -> set[str]:

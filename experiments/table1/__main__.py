@@ -6,7 +6,7 @@ scale       full, or smoke: a few minutes that test the machinery, kept apart fr
 env         a comma list of environments, or all
 method      a comma list of methods, or all
 seeds       number of seeds; 0 takes the scale's own
-iterations  number of iterations; 0 takes the environment's own
+iterations  number of iterations; 0 takes the environment's own, and the contrast row's own
 out         folder of the results
 train       false only writes from the cells that exist
 overwrite   true trains the chosen cells anew
@@ -28,7 +28,8 @@ from experiments.table1 import cells, claims_report, report
 from experiments.table1.cells import COLUMNS, ROWS, Job
 
 RESULTS = Path("results")
-SMOKE_ON_ROBOTS = ("airl", "aircl", "aircl_corrected", "bc")  # one method of each kind, because compiling takes the time
+# One method of each kind, because compiling takes the time.
+SMOKE_ON_ROBOTS = ("airl", "aircl", "aircl_corrected", "aircl_contrast", "bc")
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from aircl_jax import train
+from aircl_jax.methods import METHODS
 from aircl_jax.runs.directory import CONFIG
 from aircl_jax.runs.spec import RunSpec, make_spec
 from aircl_jax.settings.env_defaults import default_config, unnamed_settings
@@ -19,8 +20,12 @@ from experiments.cli.progress import Reporter
 from experiments.shared.kept_files import keep, read_kept
 from experiments.shared.paired_tests import Values
 from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER
+from experiments.swap.grid_cells import FRESH
+from experiments.swap.robot_cells import FIRST_LEARNED_SEED
 
-ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "bc")
+ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "aircl_contrast", "bc")
+# First seeds of the rows of settings=contrast, as in experiments.swap: on the others' seeds their settings were chosen.
+FRESH_SEEDS = {env: FRESH if env == "gridworld" else FIRST_LEARNED_SEED for env in COLUMNS}
 POINTS = 20  # least number of points of a learning curve
 CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
 KEPT = (
@@ -66,9 +71,19 @@ class Study:
         return {method: values(cell, metric) for method, cell in row.items() if cell is not None}
 
 
-def iterations_of(job: Job, env: str) -> int:
-    """Return the iterations of every method: the longer of the paper's and our settings for this environment."""
-    return job.iterations or max(default_config(env, settings).iterations for settings in ("paper", "tuned"))
+def has_own_budget(method: str) -> bool:
+    """Whether a row has iterations and seeds of its own, and not those that all other rows of an environment share."""
+    return METHODS[method].settings == "contrast"
+
+
+def iterations_of(job: Job, env: str, method: str) -> int:
+    """Return the iterations of a row: its own settings', or the longer of the paper's and our earlier settings'."""
+    settings = ("contrast",) if has_own_budget(method) else ("paper", "tuned")
+    return job.iterations or max(default_config(env, name).iterations for name in settings)
+
+
+def first_seed_of(env: str, method: str) -> int:
+    return FRESH_SEEDS[env] if has_own_budget(method) else 0
 
 
 def chunk_of(iterations: int) -> int:
@@ -78,9 +93,10 @@ def chunk_of(iterations: int) -> int:
 
 def arguments(job: Job, env: str, method: str) -> Mapping[str, Any]:
     """Return the arguments of `train` for this cell."""
-    iterations = iterations_of(job, env)
+    iterations = iterations_of(job, env, method)
     config = {**job.config, "checkpoint_every": chunk_of(iterations)}
-    return {"env": env, "method": method, "seeds": job.seeds, "iterations": iterations, "config": config}
+    seeds = {"seeds": job.seeds, "first_seed": first_seed_of(env, method)}
+    return {"env": env, "method": method, **seeds, "iterations": iterations, "config": config}
 
 
 def command(job: Job, env: str, method: str) -> str:
@@ -93,7 +109,7 @@ def command(job: Job, env: str, method: str) -> str:
 
 def spec_of(job: Job, env: str, method: str) -> RunSpec:
     """Return the checked run of this cell."""
-    rest: dict[str, Any] = {"contrast_prior": "method", "first_seed": 0, "demonstrations": "default", "env_settings": {}}
+    rest: dict[str, Any] = {"contrast_prior": "method", "demonstrations": "default", "env_settings": {}}
     return make_spec(**arguments(job, env, method), **rest)
 
 

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from aircl_jax.reports.summary import statistics
-from experiments.shared.paired_tests import FEWEST_SEEDS, SIGNIFICANCE, differences, holm, interval, mean, paired_p
+from experiments.shared.paired_tests import FEWEST_SEEDS, SIGNIFICANCE, Gain, gain, holm, interval, mean
 from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER, PAPER
 from experiments.table1.cells import Study
 
@@ -48,43 +48,44 @@ class Contrast(NamedTuple):
     envs: tuple[str, ...] = COLUMNS
 
     rule = (
-        "Holds: better by the paired test (Wilcoxon over seeds, Holm over all that two rows are compared in, p < 0.05). Does "
-        "not hold: worse by that test, or no difference shown and one as large as the paper's lies beyond the bootstrap "
-        "interval. Cannot be told: neither."
+        "Holds: better by the test (Wilcoxon over seeds, or by exchanging seeds between both rows where they have none in "
+        "common, Holm over all that two rows are compared in, p < 0.05). Does not hold: worse by that test, or no difference "
+        "shown and one as large as the paper's lies beyond the bootstrap interval. Cannot be told: neither."
     )
 
     def findings(self, study: Study) -> list[Finding]:
         places = [(env, metric) for env in self.envs for metric in self.metrics]
         gains = {place: self._gain(study, *place) for place in places}
-        p_values = {place: paired_p(gain) for place, gain in gains.items() if gain is not None}
+        p_values = {place: found.p for place, found in gains.items() if found is not None}
         adjusted = dict(zip(p_values, holm(list(p_values.values())), strict=True))
         return [self._finding(study, place, gains[place], adjusted.get(place, 1.0)) for place in places]
 
-    def _gain(self, study: Study, env: str, metric: str) -> np.ndarray | None:
-        """Compute the gain of `better` over `worse` by seed; None where a cell is missing or the measure is undefined."""
+    def _gain(self, study: Study, env: str, metric: str) -> Gain | None:
+        """Compute the gain of `better` over `worse`; None where a cell is missing or the measure is undefined."""
         column = study.column(env, metric, (self.better, self.worse))
         if len(column) < 2:
             return None
-        gain = differences(column[self.better], column[self.worse])
-        return (-gain if metric in LOWER_IS_BETTER else gain) if len(gain) else None
+        higher, lower = (self.worse, self.better) if metric in LOWER_IS_BETTER else (self.better, self.worse)
+        return gain(column[higher], column[lower])
 
-    def _finding(self, study: Study, place: tuple[str, str], gain: np.ndarray | None, p: float) -> Finding:
+    def _finding(self, study: Study, place: tuple[str, str], found: Gain | None, p: float) -> Finding:
         env, metric = place
         what = f"{metric}: {self.better} before {self.worse}"
         absent = missing(study, env, (self.better, self.worse))
-        if gain is None:
+        if found is None:
             return Finding(env, what, "—", "cannot be told", absent or "undefined")
-        bounds, printed = interval(gain), self._printed(env, metric)
+        printed = self._printed(env, metric)
         sides = " against ".join(mean_std(study, env, metric, method) for method in (self.better, self.worse))
-        spread = f" [{bounds[0]:+.3f}, {bounds[1]:+.3f}]" if bounds else ""
+        spread = f" [{found.bounds[0]:+.3f}, {found.bounds[1]:+.3f}]" if found.bounds else ""
         theirs = "" if printed is None else f"; the paper's gain {printed:+.3f}"
-        measured = f"{sides}; gain {gain.mean():+.3f}{spread}, p = {p:.2g}{theirs}"
+        seeds = "" if found.paired else ", other seeds"
+        measured = f"{sides}; gain {found.mean:+.3f}{spread}, p = {p:.2g}{seeds}{theirs}"
         verdict: tuple[Verdict, str] = "cannot be told", "no difference shown"
         if p < SIGNIFICANCE:
-            verdict = ("holds", "") if gain.mean() > 0 else ("does not hold", "worse")
-        elif bounds and printed is not None and printed > 0 and bounds[1] < printed:
+            verdict = ("holds", "") if found.mean > 0 else ("does not hold", "worse")
+        elif found.bounds and printed is not None and printed > 0 and found.bounds[1] < printed:
             verdict = "does not hold", "no difference shown, and one like the paper's is excluded"
-        return of_enough_seeds(Finding(env, what, measured, *verdict), len(gain))
+        return of_enough_seeds(Finding(env, what, measured, *verdict), found.seeds)
 
     def _printed(self, env: str, metric: str) -> float | None:
         both = [PAPER[env].get(method, {}).get(metric) for method in (self.better, self.worse)]

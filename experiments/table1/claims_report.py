@@ -82,6 +82,6 @@ def _rules() -> list[str]:
         f"*A limit.* {Bound.rule}",
         f"*One environment harder than another.* {Harder.rule}",
         f"*Stopped before convergence.* {convergence.RULE}",
-        "*Best or tied.* Not shown to be worse than the best mean (Wilcoxon over seeds, Holm over the column, p ≥ 0.05).",
+        "*Best or tied.* Not shown to be worse than the best mean (tested as one row before another, p ≥ 0.05).",
         "*Rank correlation.* Spearman's ρ of the rows' means. Holds: negative, p < 0.05. Does not hold: not negative.",
     ]

@@ -12,7 +12,7 @@ from aircl_jax.reports.summary import statistics, versions
 from experiments.shared.commits import changed_since
 from experiments.shared.paired_tests import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, each, interval
 from experiments.shared.paper import PAPER
-from experiments.table1.cells import COLUMNS, ROWS, Cell, Study, other_settings
+from experiments.table1.cells import COLUMNS, ROWS, Cell, Study, first_seed_of, has_own_budget, iterations_of, other_settings
 from experiments.table1.convergence import STILL, settled
 
 LEVELS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # violation rates of the performance profile
@@ -111,12 +111,28 @@ def _heading(study: Study) -> list[str]:
         "undefined or missing value, † a method that is given the true reward."
     )
     fat = (
-        "**Bold**: the best mean, and every row that a paired test does not show to be worse (Wilcoxon's signed-rank test "
-        f"over seeds against the best, Holm's correction over the column, p < {SIGNIFICANCE:g}). Nothing is bold where the "
-        "seeds are too few to show a difference. RCAcc and balanced accuracy are never bold: where π equals the expert, D is ½ "
-        "and both are chance. A low violation rate means little for a policy that does not do the task; see the return."
+        "**Bold**: the best mean, and every row that a test does not show to be worse (Wilcoxon's signed-rank test over seeds "
+        "against the best, or, where they have no seeds in common, exchanging seeds between both rows; Holm's correction over "
+        f"the column, p < {SIGNIFICANCE:g}). Nothing is bold where the seeds are too few to show a difference. RCAcc and "
+        "balanced accuracy are never bold: where π equals the expert, D is ½ and both are chance. A low violation rate means "
+        "little for a policy that does not do the task; see the return."
     )
-    return [title, *([warning(study)] if smoke else []), made, numbers, fat]
+    return [title, *([warning(study)] if smoke else []), made, numbers, *_own_budgets(study), fat]
+
+
+def _own_budgets(study: Study) -> list[str]:
+    """Say in a sentence of each row with its own iterations and seeds which they are."""
+    said = []
+    for method in filter(has_own_budget, ROWS):
+        budgets = []
+        for env in COLUMNS:
+            first = first_seed_of(env, method)
+            seeds = f"seeds {first} to {first + study.job.seeds - 1}"
+            budgets.append(f"{env} {iterations_of(study.job, env, method)} iterations, {seeds}")
+        said.append(
+            f"`{method}` has its own iterations and fresh seeds, none on which its settings were chosen: {'; '.join(budgets)}."
+        )
+    return said
 
 
 def _missing(study: Study) -> list[str]:

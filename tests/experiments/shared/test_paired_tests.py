@@ -13,12 +13,16 @@ from experiments.shared.paired_tests import (
     differences,
     each,
     effect,
+    gain,
     holm,
     interval,
     least_p,
+    least_unpaired_p,
     mean,
     paired_p,
     spread,
+    unpaired_interval,
+    unpaired_p,
 )
 from tests.finished_runs import around
 
@@ -141,3 +145,73 @@ def test_six_seeds_can_tell_two_rows_apart_but_not_three():
 
 def test_the_fewest_seeds_are_those_with_which_a_test_can_show_anything():
     assert least_p(FEWEST_SEEDS) < SIGNIFICANCE <= least_p(FEWEST_SEEDS - 1)
+
+
+def shifted(values: np.ndarray, first: int) -> dict[int, float | None]:
+    return {first + place: value for place, value in enumerate(values.tolist())}
+
+
+# Seeds differ by far more than the rows do, and every seed is better by 0.01 to 0.08.
+ONE = np.array([3.0, 1.0, 4.0, 1.5, 9.0, 2.6, 5.0, 3.5])
+OTHER = ONE - np.arange(1, 9) / 100
+
+
+def test_rows_with_the_same_seeds_are_compared_by_pairs_and_others_by_exchanging_seeds():
+    paired, unpaired = gain(seeds(*ONE.tolist()), seeds(*OTHER.tolist())), gain(shifted(ONE, 0), shifted(OTHER, 110))
+    assert paired and unpaired and (paired.paired, unpaired.paired) == (True, False)
+    assert paired.mean == pytest.approx(0.045) and unpaired.mean == pytest.approx(0.045)
+    assert paired.p == pytest.approx(2 / 2**8)  # all signs alike
+    pool = np.concatenate([ONE, OTHER])
+    total, seen = pool.sum(), ONE.sum() - OTHER.sum()
+    exchanges = [2 * pool[list(chosen)].sum() - total for chosen in itertools.combinations(range(16), 8)]
+    assert unpaired.p == pytest.approx(np.mean(np.abs(exchanges) >= seen - 1e-9), abs=0.02)  # 9,999 drawn of 12,870
+    assert paired.bounds and 0.0 < paired.bounds[0] < paired.bounds[1] < 0.08
+    assert unpaired.bounds and unpaired.bounds[0] < -1 and unpaired.bounds[1] > 1
+
+
+def test_some_seeds_in_common_are_compared_by_these_alone_and_undefined_seeds_never():
+    both = gain({0: 1.0, 1: 5.0, 2: 9.0}, {1: 2.0, 2: 7.0, 3: 100.0})
+    assert both and (both.mean, both.seeds, both.paired) == (2.5, 2, True)
+    apart = gain({0: 1.0, 1: None, 2: 3.0}, {7: 5.0, 8: 7.0, 9: None, 10: 9.0})
+    assert apart and (apart.mean, apart.seeds, apart.paired) == (-5.0, 2, False)
+    assert gain({0: 1.0}, {1: None}) is None and gain({0: 1.0, 1: None}, {0: None, 1: 2.0}) is None
+
+
+def test_an_unpaired_interval_resamples_each_row_by_itself():
+    # The difference of two counts of eight coins is that of 16 coins, less 8: P(≤ 3) = 1.1 %, P(≤ 4) = 3.8 %.
+    coins = [0.0, 1.0] * 4
+    assert unpaired_interval(coins, coins) == (-4 / 8, 4 / 8)
+    assert unpaired_interval([v + 3 for v in coins], coins) == (3 - 4 / 8, 3 + 4 / 8)
+    assert unpaired_interval([0.5, 0.5], [0.25, 0.25]) == (0.25, 0.25)
+    assert unpaired_interval([0.5], [0.25, 0.25]) is None
+
+
+def test_a_row_with_other_seeds_is_tested_without_pairs_against_the_best_and_the_rest_with_them():
+    column = {
+        "best": seeds(*around(0.10, 0.05).tolist()),
+        "paired": seeds(*(around(0.10, 0.05) + np.arange(1, 11) / 1000).tolist()),
+        "fresh": shifted(around(0.10, 0.05) + np.arange(1, 11) / 1000, 110),
+        "far": shifted(around(0.30), 110),
+    }
+    values = {name: [value for value in row.values() if value is not None] for name, row in column.items()}
+    raw = [
+        paired_p(np.array(values["paired"]) - values["best"]),
+        unpaired_p(values["fresh"], values["best"]),
+        unpaired_p(values["far"], values["best"]),
+    ]
+    found = against_best(column, lower=True)
+    assert [found[name] for name in ("paired", "fresh", "far")] == pytest.approx(holm(raw))
+    assert best_or_tied(column, lower=True) == {"best", "fresh"}
+
+
+def test_the_least_p_without_pairs_is_two_of_all_exchanges_or_of_those_drawn():
+    assert least_unpaired_p(3, 10) == pytest.approx(2 / 286)  # C(13, 3)
+    assert least_unpaired_p(3, 10) == pytest.approx(unpaired_p([1.0, 2.0, 3.0], list(np.arange(10.0, 20.0))))
+    assert least_unpaired_p(10, 10) == pytest.approx(2 / 10_000)
+    assert least_unpaired_p(10, 10) == pytest.approx(unpaired_p(around(0.1).tolist(), around(0.9).tolist()))
+    assert least_unpaired_p(1, 1) == 1.0
+
+
+def test_three_fresh_seeds_against_three_give_no_bold():
+    rows = {"a": shifted(np.array([0.1, 0.11, 0.12]), 0), "b": shifted(np.array([0.8, 0.9, 1.0]), 10)}
+    assert best_or_tied(rows, lower=True) == set()  # 2 of C(6, 3) = 20 are 10 %

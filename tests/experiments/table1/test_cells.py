@@ -27,8 +27,29 @@ def test_evaluations_divide_the_training_into_twenty_parts_or_more(iterations, c
 
 
 @pytest.mark.parametrize("env", COLUMNS)
-def test_every_method_of_an_environment_has_the_same_iterations(env):
-    assert len({cells.arguments(FULL, env, method)["iterations"] for method in ROWS}) == 1
+def test_all_rows_of_an_environment_but_the_contrast_row_have_the_same_iterations_and_seeds(env):
+    others = [cells.arguments(FULL, env, method) for method in ROWS if method != "aircl_contrast"]
+    assert len({given["iterations"] for given in others}) == 1
+    assert {given["first_seed"] for given in others} == {0}
+
+
+@pytest.mark.parametrize(
+    ("env", "iterations", "first"),
+    [("gridworld", 300, 1000), ("swimmer", 300, 110), ("walker", 500, 110), ("pendulum", 300, 110)],
+)
+def test_the_contrast_row_has_its_own_iterations_and_fresh_seeds(env, iterations, first, tmp_path):
+    job, asked = replace(FULL, out=tmp_path, runs=tmp_path), []
+
+    def train(**given):
+        asked.append(given)
+        raise ValueError("asked")
+
+    with mock.patch.object(cells, "train", train), pytest.raises(ValueError, match="asked"):
+        cells.make_cell(job, env, "aircl_contrast", "abc1234")
+    told = {name: asked[0][name] for name in ("env", "method", "seeds", "first_seed", "iterations")}
+    assert told == {"env": env, "method": "aircl_contrast", "seeds": 10, "first_seed": first, "iterations": iterations}
+    assert f" seeds=10 first_seed={first} iterations={iterations} " in asked[0]["command"]
+    assert cells.spec_of(job, env, "aircl_contrast").seeds == tuple(range(first, first + 10))
 
 
 def test_curves_are_the_evaluations_and_the_untrained_policy():
@@ -62,16 +83,25 @@ def test_a_value_is_that_of_its_seed():
     assert study_of(cell).column("gridworld", "violation_rate", ["aircl", "bc"]) == {"aircl": {7: 0.1, 8: 0.2, 9: None}}
 
 
-def test_every_row_is_trained_as_long_as_the_longer_of_the_two_settings(monkeypatch):
-    iterations = {"paper": 100, "tuned": 300}
+def test_a_row_is_trained_as_long_as_the_longer_of_the_two_shared_settings_or_as_its_own(monkeypatch):
+    iterations = {"paper": 100, "tuned": 300, "contrast": 700}
     monkeypatch.setattr(cells, "default_config", lambda env, settings: TrainConfig(iterations=iterations[settings]))
-    assert cells.iterations_of(FULL, "gridworld") == 300
-    assert cells.iterations_of(replace(FULL, iterations=7), "gridworld") == 7
+    asked = {method: cells.iterations_of(FULL, "gridworld", method) for method in ("aircl", "bc", "aircl_contrast")}
+    assert asked == {"aircl": 300, "bc": 300, "aircl_contrast": 700}
+    assert {cells.iterations_of(replace(FULL, iterations=7), "gridworld", method) for method in asked} == {7}
 
 
 def with_settings(method: str) -> dict[str, Any]:
     settings = cells.settings_of(cells.spec_of(FULL, "gridworld", method))
     return finished_cell(method=method, violation_rate=0.1) | {"settings": settings}
+
+
+def test_a_contrast_cell_of_its_own_seeds_has_no_other_settings_and_one_of_the_others_seeds_has():
+    cell = with_settings("aircl_contrast")
+    place = "gridworld", "aircl_contrast"
+    assert cells.other_settings(FULL, {place: cell}) == {}
+    cell["settings"]["first_seed"] = 0
+    assert cells.other_settings(FULL, {place: cell}) == {"first_seed is 0 there and 1000 here": ["gridworld/aircl_contrast"]}
 
 
 def test_a_cell_made_with_other_settings_or_code_is_named():

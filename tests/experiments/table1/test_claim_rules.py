@@ -37,6 +37,18 @@ def test_a_contrast_that_is_not_shown_does_not_hold_only_where_the_papers_gain_i
     assert told(CONTRAST, one, other) == {"rc_acc": "does not hold", "violation_rate": "cannot be told"}
 
 
+def test_a_row_with_its_own_seeds_is_contrasted_without_pairs():
+    wide = np.array([3, 1, 4, 1.5, 9, 2.6, 5, 3.5, 8, 7]) / 20  # seeds differ more than the rows, every seed by as much
+    ours = finished_cell(method="aircl_contrast", violation_rate=wide, rc_acc=wide)
+    other = finished_cell(method="bc", violation_rate=wide + 0.01 + wide / 100, rc_acc=0.9 + wide / 100)
+    rule = Contrast("aircl_contrast", "bc", ("violation_rate", "rc_acc"), ("gridworld",))
+    assert [found.verdict for found in rule.findings(study_of(ours, other))] == ["holds", "does not hold"]
+    fresh = rule.findings(study_of(ours | {"seeds": list(range(1000, 1010))}, other))
+    assert [found.verdict for found in fresh] == ["cannot be told", "does not hold"]
+    assert "gain +0.012 [-0.1" in fresh[0].measured and fresh[0].measured.endswith(", other seeds")
+    assert "gain -0.679 [-0.7" in fresh[1].measured
+
+
 def test_two_seeds_and_missing_cells_tell_nothing():
     few = [finished_cell(method=method, seeds=2, rc_acc=0.5, violation_rate=0.1) for method in ("aircl", "airl")]
     assert set(told(CONTRAST, *few).values()) == {"cannot be told"}

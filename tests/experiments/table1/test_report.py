@@ -113,6 +113,22 @@ def test_rows_that_are_given_the_reward_have_a_dagger_and_no_others():
     assert [name for name in names if "†" in name] == ["`gacl` †", "`icrl` †", "`icrl_prior` †"]
 
 
+def test_the_iterations_and_fresh_seeds_of_the_contrast_row_are_said():
+    assert (
+        "`aircl_contrast` has its own iterations and fresh seeds, none on which its settings were chosen: gridworld 300 "
+        "iterations, seeds 1000 to 1009; swimmer 300 iterations, seeds 110 to 119; walker 500 iterations, seeds 110 to 119; "
+        "pendulum 300 iterations, seeds 110 to 119."
+    ) in written()
+
+
+def test_bold_compares_a_row_with_other_seeds_without_pairs():
+    wide = np.array([3, 1, 4, 1.5, 9, 2.6, 5, 3.5, 8, 7]) / 20
+    ours = finished_cell(method="aircl_contrast", violation_rate=wide)
+    other = finished_cell(method="bc", violation_rate=wide + 0.01 + wide / 100)
+    for seeds, bold in ((list(range(10)), {"aircl_contrast"}), (list(range(1000, 1010)), {"aircl_contrast", "bc"})):
+        assert report.bold(study_of(ours | {"seeds": seeds}, other), "gridworld", report.FIRST[2]) == bold
+
+
 def test_effort_is_in_minutes_and_steps_and_its_sum_in_hours():
     cells = finished_cell("walker") | {"wall_s": 90.0, "env_steps": 1_234_567}, finished_cell() | {"wall_s": 7110.0}
     text = written(*cells)

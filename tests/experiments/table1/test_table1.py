@@ -30,7 +30,7 @@ def job() -> Job:
 def test_a_smoke_test_of_all_runs_every_method_on_the_grid_and_some_on_the_robots():
     every = table1.chosen_cells(table1.Settings(scale="smoke"))
     assert [method for env, method in every if env == "gridworld"] == list(ROWS)
-    assert [method for env, method in every if env == "walker"] == ["airl", "aircl", "aircl_corrected", "bc"]
+    assert [method for env, method in every if env == "walker"] == ["airl", "aircl", "aircl_corrected", "aircl_contrast", "bc"]
     assert table1.chosen_cells(table1.Settings(scale="smoke", env="walker", method="icrl")) == [("walker", "icrl")]
     assert len(table1.chosen_cells(table1.Settings())) == len(COLUMNS) * len(ROWS)
 
