@@ -18,7 +18,7 @@ from aircl_jax.demonstrations import sources
 from aircl_jax.messages import warn
 from aircl_jax.model.networks import Networks
 from aircl_jax.reports import run_report
-from aircl_jax.reports.alarms import alarms, not_finite, not_looked_for, untuned
+from aircl_jax.reports.alarms import alarms, not_finite, untuned
 from aircl_jax.reports.summary import fits, summarise
 from aircl_jax.runs import world
 from aircl_jax.runs.directory import FIGURES, THEN, TRACE, RunDirectory
@@ -238,7 +238,6 @@ def _result(
         summary=summary,
         alarms=[
             *untuned(spec.env),
-            *not_looked_for(spec.method, spec.env),
             *_of_the_data(spec.env),
             *not_finite(summary),
             *alarms(summary["seeds"], per_seed),

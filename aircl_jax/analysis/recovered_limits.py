@@ -41,7 +41,7 @@ def recovered_limits(result: Result) -> Limits | None:
     if not nets.method.tests_steps or not isinstance(space, Box):
         return None
     if nets.method.has_twin:
-        return _limits_of_actions(result, space)
+        return _limits_as_parameters(result)
     seen, number = demonstrated_steps(result), result.spec.env.obs_size
     least, greatest = seen.min(axis=0), seen.max(axis=0)
     width = greatest - least
@@ -67,32 +67,40 @@ def recovered_limits(result: Result) -> Limits | None:
 
 
 def measures_of_limits(nets: Networks, states: TrainState) -> dict[str, Float[np.ndarray, " S"]]:
-    """{recovered_limit/MOTOR/upper|lower: [S]} of a row that has limits as parameters, NaN where none; empty for others."""
-    space = nets.env.action_space
-    if not nets.method.has_twin or not isinstance(space, Box):
+    """{recovered_limit/COORDINATE/upper|lower: [S]} of a row that has limits as parameters, NaN where none; else empty."""
+    if not nets.method.has_twin:
         return {}
-    lower, upper = _drawn(states, space)
+    lower, upper = _drawn(nets, states)
     return {
         f"recovered_limit/{name}/{side}": values[:, index]
-        for index, name in enumerate(nets.env.motor_names)
+        for index, name in enumerate(names_of_inputs(nets))
         for side, values in (("upper", upper), ("lower", lower))
     }
 
 
-def _limits_of_actions(result: Result, space: Box) -> Limits:
+def names_of_inputs(nets: Networks) -> tuple[str, ...]:
+    """Name what the limits are of: coordinates of the state, or motors."""
+    return nets.env.coordinate_names if nets.feasibility_sees_state else nets.env.motor_names
+
+
+def _limits_as_parameters(result: Result) -> Limits:
     """Read the limits that the row has as parameters."""
-    taken = demonstrated_steps(result)[:, result.spec.env.obs_size :]
-    return Limits(result.spec.env.motor_names, *_drawn(result.states, space), taken.min(axis=0), taken.max(axis=0))
+    nets, number = result.networks, result.spec.env.obs_size
+    steps = demonstrated_steps(result)
+    seen = steps[:, :number] if nets.feasibility_sees_state else steps[:, number:]
+    return Limits(names_of_inputs(nets), *_drawn(nets, result.states), seen.min(axis=0), seen.max(axis=0))
 
 
-def _drawn(states: TrainState, space: Box) -> tuple[Float[np.ndarray, "S A"], Float[np.ndarray, "S A"]]:
-    """Lower and upper limits in the actions' own unit."""
-    of = states.params.feasibility["step"]["params"]
-    ends = [jnp.asarray(of[side]) for side in ("lower", "upper")]
-    lower, upper = (
-        np.asarray(jnp.where(jnp.abs(end) < UNLIMITED, space.from_half_widths(end), jnp.nan), float) for end in ends
-    )
-    return lower, upper
+def _drawn(nets: Networks, states: TrainState) -> tuple[Float[np.ndarray, "S I"], Float[np.ndarray, "S I"]]:
+    """Lower and upper limits, [S, I], in the unit of each coordinate; NaN where there is none."""
+    space, of, found = nets.env.action_space, states.params.feasibility["step"]["params"], []
+    if not isinstance(space, Box):
+        raise TypeError(f"actions of {nets.env.name} are numbered")
+    for side in ("lower", "upper"):
+        end, stats = jnp.asarray(of[side]), states.obs_stats
+        own = end * stats.std + stats.mean if nets.feasibility_sees_state else space.from_half_widths(end)
+        found.append(np.asarray(jnp.where(jnp.abs(end) < UNLIMITED, own, jnp.nan), float))
+    return found[0], found[1]
 
 
 def demonstrated_steps(result: Result) -> Float[np.ndarray, "N I"]:

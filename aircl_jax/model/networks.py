@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
 
 from aircl_jax.methods import Method
 from aircl_jax.model.behaviour import behaviour_modules
-from aircl_jax.model.features import ActionLimits, FeatureReward
+from aircl_jax.model.features import FeatureReward, Limits
 from aircl_jax.model.modules import ENCODERS, MLP, SEQUENCE_BIAS, AdditiveNet, BoxGaussian, LinearEncoder, Policy, Table
 from aircl_jax.model.moves import expected_moves
 from aircl_jax.settings.train_config import TrainConfig
@@ -72,12 +72,14 @@ class Networks:
 
     @property
     def constraint_input(self) -> str:
-        """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows."""
+        """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows.
+
+        A row with a twin counts one of the two: states where the constraint is known to be of states alone, else actions.
+        """
+        told = self.env.constraint_input if self.config.constraint_input == "env" else self.config.constraint_input
         if self.method.has_twin:
-            return "action"
-        if self.config.constraint_input != "env":
-            return self.config.constraint_input
-        return self.env.constraint_input if self.method.is_ratio_test else "state_action"
+            return "state" if told == "state" else "action"
+        return told if self.config.constraint_input != "env" or self.method.is_ratio_test else "state_action"
 
     @property
     def entropy_weight(self) -> float:
@@ -183,7 +185,7 @@ class BoundNetworks:
         return jnp.concatenate([state] * self.networks.feasibility_sees_state + [taken] * self.networks.feasibility_sees_action)
 
     def step_logit(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
-        """Logit of the per-step feasibility; 0 where the method has none. On a limit of an action it is log ϑ."""
+        """Logit of the per-step feasibility; 0 where the method has none. On a limit it is log ϑ."""
         if not self.method.tests_steps:
             return jnp.zeros(())
         logit = self.networks.step_net.apply(self.params.feasibility["step"], self.feasibility_input(obs, action))[0]
@@ -253,7 +255,7 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
     if config.step_network == "additive" and not linear:
         step_net = AdditiveNet(config.additive_hidden, bias=SEQUENCE_BIAS)
     if method.has_twin:
-        reward_net, step_net = FeatureReward(), ActionLimits()
+        reward_net, step_net = FeatureReward(), Limits()
     policy_net, value_net = Policy(env.action_space, config.hidden, config.ppo.log_std_init), MLP(config.hidden, 1)
     if config.learner == "exact":
         size = env.horizon, env.obs_size

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from aircl_jax.methods import Method
 from aircl_jax.settings.env_defaults import GUESTS, has_own_settings
 from envs import Env
 
@@ -35,13 +34,6 @@ def untuned(env: Env) -> list[str]:
         return []
     rest = "those of the shipped robots" if env.registered and env.name in GUESTS else "the default of TrainConfig"
     return [f"env={env.title} runs with untuned settings: what `config` does not name is {rest}."]
-
-
-def not_looked_for(method: Method, env: Env) -> list[str]:
-    """One sentence where the world's constraint is of a kind that the row does not look for."""
-    if not (method.has_twin and env.constraint_input == "state"):
-        return []
-    return [f"env={env.name} has a constraint of states, and this row looks for limits of actions; choose aircl_corrected."]
 
 
 def not_finite(summary: Mapping[str, Any]) -> list[str]:

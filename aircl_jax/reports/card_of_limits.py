@@ -1,4 +1,4 @@
-"""Write the card of a row with a twin: which coordinates it wants, the limits of its actions, what was never tested."""
+"""Write the card of a row with a twin: which coordinates it wants, the limits that it keeps, what was never tested."""
 
 from typing import Any
 
@@ -6,31 +6,47 @@ import numpy as np
 from jaxtyping import Float
 
 from aircl_jax.algorithm.boxes.action_limits import EDGES
+from aircl_jax.algorithm.boxes.state_limits import scale_of
 from aircl_jax.analysis.recovered_limits import Limits, recovered_limits
 from aircl_jax.runs.result import Result
 from envs import Box
 
 LEAST_WEIGHT = 0.01  # of ‖θ‖: a feature about which nothing is said
 SEEDS_AGREE = 0.5  # share of the seeds that must draw a limit for it to be listed
-_TASTE = (
-    "f is of states alone. A dislike of large actions, which no state shows, reads as a limit where it is strong; so does a "
-    "habit that no reward of states asks for."
+_OF_ACTIONS = (
+    (
+        "An action counts as beyond a limit where it is taken less than {share:.0%} as often as a policy of f alone would take "
+        "it in the same states. A demonstrator who errs more often than that hides a limit."
+    ),
+    (
+        "f is of states alone. A dislike of large actions, which no state shows, reads as a limit where it is strong; so does "
+        "a habit that no reward of states asks for."
+    ),
+    "Limits of states were not looked for.",
+)
+_OF_STATES = (
+    (
+        "A state counts as beyond a limit where it is met less than {share:.0%} as often as by a policy of f alone that has "
+        "kept every other limit so far. A demonstrator who errs more often than that hides a limit."
+    ),
+    (
+        "f is a sum over coordinates and their squares. A dislike that begins sharply reads as a limit; what f explains by a "
+        "place that is liked most is no limit, whatever lies beyond."
+    ),
+    "Limits of actions were not looked for.",
 )
 
 
 def of_limits(result: Result) -> dict[str, Any]:
-    """Make the card of a robot whose actions were counted."""
+    """Make the card of a robot of which actions or states were counted."""
     limits = recovered_limits(result)
     if limits is None:
-        raise TypeError(f"{result.spec.method_name} has no limits of actions")
+        raise TypeError(f"{result.spec.method_name} has no limits")
     never, untested = _limits(result, limits)
+    said = _OF_STATES if result.networks.feasibility_sees_state else _OF_ACTIONS
     share = float(result.spec.config.coefficients.threshold)
-    lapses = (
-        f"An action counts as beyond a limit where it is taken less than {share:.0%} as often as a policy of f alone would "
-        "take it in the same states. A demonstrator who errs more often than that hides a limit."
-    )
-    state = "A constraint on states was not looked for."
-    return {"wants": wants(result), "never": never, "cannot_tell": [*untested, lapses, _TASTE, state], "separable": True}
+    told = [*untested, *(sentence.format(share=share) for sentence in said)]
+    return {"wants": wants(result), "never": never, "cannot_tell": told, "separable": True}
 
 
 def wants(result: Result) -> list[dict[str, Any]]:
@@ -51,15 +67,25 @@ def wants(result: Result) -> list[dict[str, Any]]:
 
 
 def beyond(result: Result, index: int, side: str, limit: float) -> tuple[float, float]:
-    """Return M and n beyond a limit of one action, in the action's own unit: expected by the twin, made by D_E."""
+    """Return M and n beyond a limit of one action or coordinate, in its own unit: expected of the twin, and of D_E.
+
+    Means over seeds. M beyond a limit of a coordinate is that by which it was drawn.
+    """
     contrast, space = result.states.adversary_opt, result.spec.env.action_space
     if not isinstance(space, Box):
         raise TypeError(f"{result.spec.env.name} has no box of actions")
-    edges = np.asarray(space.from_half_widths(EDGES))
-    outside = edges[:-1] >= limit if side == "above" else edges[1:] <= limit
-    made = np.asarray(contrast.made.number[:, index], float)
-    expected = np.asarray(contrast.expected[:, index], float) * np.asarray(contrast.made.steps, float)[:, None]
-    return float(expected[:, outside].sum(axis=1).mean()), float(made[:, outside].sum(axis=1).mean())
+    if contrast.met is None:
+        edges, made, share = np.asarray(space.from_half_widths(EDGES))[None], contrast.made, contrast.expected
+        drawn = np.zeros(1)
+    else:
+        scale = scale_of(contrast.reach, result.spec.config.moments.margin)
+        edges = np.asarray(scale.middle[:, index, None] + scale.half[:, index, None] * EDGES)
+        made, share, drawn = contrast.met.made, contrast.met.share, contrast.met.tempted[:, int(side == "above"), index]
+    outside = edges[:, :-1] >= limit if side == "above" else edges[:, 1:] <= limit
+    done = np.asarray(made.number[:, index], float) * outside
+    expected = np.asarray(share[:, index], float) * np.asarray(made.steps, float)[:, None] * outside
+    tempted = np.where(np.asarray(drawn) > 0, drawn, expected.sum(axis=1))
+    return float(tempted.mean()), float(done.sum(axis=1).mean())
 
 
 def _limits(result: Result, limits: Limits) -> tuple[list[dict[str, Any]], list[str]]:

@@ -2,10 +2,7 @@
 
 from dataclasses import replace
 
-import pytest
-
-from aircl_jax.methods import get_method
-from aircl_jax.reports.alarms import alarms, not_looked_for, untuned
+from aircl_jax.reports.alarms import alarms, untuned
 from aircl_jax.settings.env_defaults import GUESTS, TUNED, config_of
 from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS, make_env
@@ -33,12 +30,3 @@ def test_a_world_of_ones_own_takes_no_settings_by_its_name():
 def test_an_alarm_names_the_seeds_that_it_rings_for():
     (sentence,) = alarms([3, 4], {"feasibility_auroc": {"per_seed": [0.4, 0.9]}})
     assert sentence == "δ̄ is inverted: it ranks violating trajectories above clean ones (feasibility_auroc 0.4; seed 3)."
-
-
-@pytest.mark.parametrize(
-    ("constraint", "row", "rings"),
-    [("position", "aircl_contrast", True), ("torque", "aircl_contrast", False), ("position", "aircl_corrected", False)],
-)
-def test_a_constraint_that_the_row_does_not_look_for_is_said(constraint, row, rings):
-    sentences = not_looked_for(get_method(row, of_box=True), make_env("swimmer", constraint=constraint))
-    assert [("limits of actions" in sentence) for sentence in sentences] == [True] * rings

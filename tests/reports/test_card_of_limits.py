@@ -10,10 +10,13 @@ import pytest
 
 from aircl_jax.algorithm.boxes.action_limits import BINS, Made
 from aircl_jax.algorithm.boxes.moments import Weights
+from aircl_jax.algorithm.boxes.state_limits import Met
 from aircl_jax.algorithm.boxes.twins import Contrast
 from aircl_jax.analysis.recovered_limits import measures_of_limits, recovered_limits
 from aircl_jax.model.features import UNLIMITED
+from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.card import as_json, as_markdown, card_of, closing, is_card
+from aircl_jax.types import ObsStats
 from tests.finished_runs import untrained_robot
 
 RUN = untrained_robot("aircl_contrast")
@@ -33,7 +36,7 @@ def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02
     made = Made(counts, counts, counts, jnp.full(2, 1000.0))
     nothing: Any = None
     unused = Weights(nothing, nothing)
-    contrast = Contrast(unused, made, jnp.asarray(expected), nothing, nothing, nothing, nothing)
+    contrast = Contrast(unused, made, jnp.asarray(expected), *[nothing] * 5)
     params = RUN.states.params._replace(
         reward={"params": {"weights": jnp.asarray(weights)}}, feasibility={"step": {"params": ends}}
     )
@@ -98,3 +101,33 @@ def test_the_limits_are_measures_of_every_seed_with_none_where_there_is_none():
     assert np.isfinite(measures["recovered_limit/motor front/upper"]).all()
     assert np.isnan(measures["recovered_limit/motor rear/lower"]).any()
     assert measures_of_limits(untrained_robot("aircl_corrected").networks, run.states) == {}
+
+
+def test_a_limit_of_a_state_is_listed_by_its_coordinate_with_the_m_by_which_it_was_drawn():
+    run = known()
+    env = replace(run.spec.env, constraint_input="state")
+    ends = {"lower": jnp.full((2, 8), -UNLIMITED), "upper": jnp.full((2, 8), UNLIMITED).at[:, 2].set(1.5)}
+    stats, reach = ObsStats(jnp.full((2, 8), 0.2), jnp.full((2, 8), 0.4)), (jnp.full((2, 8), -0.8), jnp.full((2, 8), 0.8))
+    number = np.zeros((2, 8, BINS))
+    number[:, :, BINS // 2] = 100.0
+    number[:, 2, 150] = 3.0  # at 1.6 of the practice world's ±2.4
+    counts = jnp.asarray(number, jnp.float32)
+    tempted = jnp.zeros((2, 2, 8)).at[:, 1, 2].set(jnp.array([600.0, 800.0]))
+    share = jnp.asarray(np.full((2, 8, BINS), 1.0 / BINS), jnp.float32)
+    met = Met(Made(counts, counts, counts, jnp.full(2, 1000.0)), share, *[jnp.zeros(2)] * 3, tempted, jnp.ones(2))
+    params = run.states.params._replace(feasibility={"step": {"params": ends}})
+    contrast = run.states.adversary_opt._replace(met=met, reach=reach)
+    states = run.states._replace(params=params, adversary_opt=contrast, obs_stats=stats)
+    nets = make_networks(env, run.spec.method, run.spec.config)
+    run = replace(run, spec=replace(run.spec, env=env), networks=nets, states=states)
+    card = card_of(run)
+    (never,) = card["never"]
+    assert (never["what"], never["limit"]) == ("rear above", pytest.approx(1.5 * 0.4 + 0.2))
+    assert (never["tempted"], never["done"]) == (700.0, 3.0)
+    assert any("Limits of actions were not looked for" in told for told in card["cannot_tell"])
+    (untested,) = [told for told in card["cannot_tell"] if told.startswith("Not tested")]
+    assert "rear below" in untested
+    assert "rear above" not in untested
+    measures = measures_of_limits(nets, states)
+    np.testing.assert_allclose(measures["recovered_limit/rear/upper"], [0.8, 0.8], rtol=1e-5)
+    assert np.isnan(measures["recovered_limit/rear/lower"]).all()

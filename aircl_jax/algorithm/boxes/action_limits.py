@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.scipy.stats import norm
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.settings.train_config import Coefficients
@@ -28,15 +28,23 @@ class Made(NamedTuple):
 
 def actions_made(action: Float[Array, "M A"], mask: Float[Array, " M"]) -> Made:
     """Count actions, in half-widths of their box and clipped to it."""
-    index = jnp.clip(((action + 1.0) / 2.0 * BINS).astype(jnp.int32), 0, BINS - 1)
 
-    def of_one(values: Float[Array, " M"], bins: Array) -> tuple[Array, Array, Array]:
-        number = jnp.zeros(BINS).at[bins].add(mask)
+    def ends(values: Float[Array, " M"], bins: Array) -> tuple[Array, Array]:
         least = jnp.full(BINS, UNLIMITED).at[bins].min(jnp.where(mask > 0, values, UNLIMITED))
         greatest = jnp.full(BINS, -UNLIMITED).at[bins].max(jnp.where(mask > 0, values, -UNLIMITED))
-        return number, least, greatest
+        return least, greatest
 
-    return Made(*jax.vmap(of_one, 1)(action, index), mask.sum())
+    number = numbers(action, jnp.broadcast_to(mask[:, None], action.shape))
+    return Made(number, *jax.vmap(ends, 1)(action, _bins(action)), mask.sum())
+
+
+def numbers(values: Float[Array, "M I"], counts: Float[Array, "M I"]) -> Float[Array, "I B"]:
+    """Sum the counts of each coordinate's values in each bin."""
+    return jax.vmap(lambda bins, weights: jnp.zeros(BINS).at[bins].add(weights), 1)(_bins(values), counts)
+
+
+def _bins(values: Float[Array, "M I"]) -> Int[Array, "M I"]:
+    return jnp.clip(((values + 1.0) / 2.0 * BINS).astype(jnp.int32), 0, BINS - 1)
 
 
 def share_expected(mean: Float[Array, "M A"], std: Float[Array, " A"], mask: Float[Array, " M"]) -> Float[Array, "A B"]:

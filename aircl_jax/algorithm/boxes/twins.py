@@ -1,4 +1,4 @@
-"""The contrast row where actions are of a box: a reward by moments, limits by what a tempted twin of the policy would do.
+"""The contrast row where actions are of a box: a reward by moments, limits by what a tempted twin of the policy does.
 
 One fused step of one seed, as in `trainer`. π is paid f and kept within the limits by PPO-Lagrangian. The twin goes on with f
 alone, from the π of the iteration in which the feature means have nearly met (docs/equations.md).
@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from aircl_jax.algorithm.boxes import action_limits, moments
+from aircl_jax.algorithm.boxes import action_limits, moments, state_limits
 from aircl_jax.algorithm.learners import practice as practising
 from aircl_jax.algorithm.learners.practice import Learning, Practice
 from aircl_jax.algorithm.learners.scale_free import falls
@@ -41,11 +41,12 @@ class Contrast(NamedTuple):
 
     weights: moments.Weights
     made: action_limits.Made
-    expected: Float[Array, "A B"]  # M / steps: mean over all iterations so far
+    expected: Float[Array, "A B"]  # M / steps of actions: mean over all iterations so far
     near: Float[Array, ""]  # iterations in a row in which the means had nearly met
     since: Float[Array, ""]  # iterations since the constraint and the twin began
     twin: Practice
-    reach: tuple[Float[Array, " O"], Float[Array, " O"]]  # least and greatest of what the demonstrations saw
+    reach: state_limits.Reach
+    met: state_limits.Met | None  # what states were met; None where actions are counted
 
 
 class Steps(NamedTuple):
@@ -63,7 +64,7 @@ def make_steps(nets: Networks) -> Steps:
     """
     env, config = nets.env, nets.config
     _box(env)
-    settings = learner_of(config)
+    settings = learner_of(config, sees_state=nets.feasibility_sees_state)
     learning = Learning(settings, make_optimiser(settings, env.horizon))
 
     def init(key: PRNGKeyArray, expert: Trajectory, stats: ObsStats) -> TrainState:
@@ -74,9 +75,10 @@ def make_steps(nets: Networks) -> Steps:
         practice = practising.begin(learning, params, nets.init(key_cost).value, world, key_world)
         made = action_limits.actions_made(taken.reshape(-1, taken.shape[-1]), expert.mask.ravel())
         nothing = jnp.zeros_like(params.reward["params"]["weights"])
-        contrast = Contrast(
-            moments.Weights(nothing, nothing), made, jnp.zeros_like(made.number), jnp.zeros(()), jnp.zeros(()), practice, reach
-        )
+        scale, zero = state_limits.scale_of(reach, config.moments.margin), jnp.zeros(())
+        met = state_limits.begin(expert, scale) if nets.feasibility_sees_state else None
+        weights = moments.Weights(nothing, nothing)
+        contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
         return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
@@ -85,16 +87,15 @@ def make_steps(nets: Networks) -> Steps:
         before = nets.bind(state.params, state.obs_stats)
         free = practice_world(env, contrast.reach, config)
         bound = (contrast.since > 0).astype(jnp.float32)
-        held = weakened(free, *limits_of_motors(before, bound))
+        held = weakened(free, *limits_of_motors(before, bound)) if nets.feasibility_sees_action else free
         policy, practice = practising.roll_out(learning, before, state.ppo_opt, held, started, key_rollout)
 
         gap = moments.mean_features(before, expert) - moments.mean_features(before, policy)
         weights = moments.next_weights(contrast.weights, gap, state.step, config.iterations, config.moments)
         share = asked_of(practising.acting(before, contrast.twin), expert, key_asked)
         expected = contrast.expected + (share - contrast.expected) / (state.step + 1.0)
-        params = state.params._replace(
-            reward={"params": {"weights": weights.mean}}, feasibility=limited(contrast.made, expected, config)
-        )
+        feasibility = limited(nets, contrast._replace(expected=expected), state.obs_stats)
+        params = state.params._replace(reward={"params": {"weights": weights.mean}}, feasibility=feasibility)
         params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert)
         near = (contrast.near + 1.0) * (jnp.sqrt((gap**2).mean()) < config.moments.near)
         began = (contrast.since > 0) | (near >= LASTING) | (state.step >= config.feasibility_delay)
@@ -122,21 +123,25 @@ def make_steps(nets: Networks) -> Steps:
             "twin_violation_rate": (tempted.cost * tempted.mask).sum() / tempted.mask.sum(),
         }
         metrics[FINITE] = all_finite((params, losses, policy.obs)).astype(jnp.float32)
-        contrast = Contrast(weights, contrast.made, expected, near, contrast.since + began, twin, contrast.reach)
+        since, met = contrast.since + began, met_by(contrast, tempted, config)
+        contrast = Contrast(weights, contrast.made, expected, near, since, twin, contrast.reach, met)
         return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
 
     return Steps(init, step)
 
 
-def learner_of(config: TrainConfig) -> LearnerConfig:
-    """The learner's settings: the run's own where it has them."""
+def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
+    """The learner's settings: the run's own where it has them.
+
+    A cost of the action alone is charged to it alone, with no discount: what is charged later is no fault of this one.
+    """
     return replace(
         LearnerConfig(),
         iterations=config.lr_decay_iterations,
         num_trajectories=config.num_trajectories,
         hidden=config.hidden,
         ppo=config.ppo,
-        cost_discount=0.0,  # the cost is of the action alone: what is charged later is no fault of this one
+        cost_discount=LearnerConfig().cost_discount if sees_state else 0.0,
         stray_cost=config.moments.stray_cost,
         multiplier_init=config.moments.multiplier_init,
         multiplier_rate=config.moments.multiplier_rate,
@@ -173,9 +178,22 @@ def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Floa
     return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), asked.mask.ravel())
 
 
-def limited(made: action_limits.Made, expected: Float[Array, "A B"], config: TrainConfig) -> dict:
-    """The feasibility's parameters: the limits that n against M draws."""
-    lower, upper = action_limits.limits(made, expected, config.coefficients)
+def met_by(contrast: Contrast, twin: Trajectory, config: TrainConfig) -> state_limits.Met | None:
+    """What states were met, with those of this iteration's twin once it goes its own way."""
+    if contrast.met is None:
+        return None
+    scale = state_limits.scale_of(contrast.reach, config.moments.margin)
+    later = state_limits.next_limits(contrast.met, twin, scale, config.coefficients)
+    return jax.tree.map(lambda new, old: jnp.where(contrast.since > 0, new, old), later, contrast.met)
+
+
+def limited(nets: Networks, contrast: Contrast, stats: ObsStats) -> dict:
+    """The feasibility's parameters: the limits that n against M draws, of states or of actions."""
+    if contrast.met is not None:
+        scale = state_limits.scale_of(contrast.reach, nets.config.moments.margin)
+        lower, upper = state_limits.drawn(contrast.met, scale, stats)
+    else:
+        lower, upper = action_limits.limits(contrast.made, contrast.expected, nets.config.coefficients)
     return {"step": {"params": {"lower": lower, "upper": upper}}}
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.boxes import action_limits, twins
+from aircl_jax.algorithm.boxes import action_limits, state_limits, twins
 from aircl_jax.algorithm.measures import FINITE
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.methods import get_method
@@ -165,6 +165,24 @@ def test_limits_follow_from_what_was_made_and_expected():
     drawn = state.params.feasibility["step"]["params"]
     np.testing.assert_array_equal(drawn["lower"], lower)
     np.testing.assert_array_equal(drawn["upper"], upper)
+
+
+def test_of_a_constraint_on_states_the_states_that_the_twin_meets_are_counted_once_it_goes_its_own_way():
+    env = replace(pushed_point(), constraint_input="state")
+    config = replace(CONFIG, feasibility_delay=1, moments=MomentConfig(near=0.0))
+    trainer = make_trainer(env, METHOD, config)
+    step, expert = jax.jit(trainer.step, compiler_options=UNOPTIMISED), shown(env)
+    states = [trainer.init(jax.random.key(0), expert)]
+    for _ in range(4):
+        states.append(step(states[-1], expert)[0])
+    assert [float(state.adversary_opt.met.iterations) for state in states] == [0, 0, 0, 1, 2]
+    contrast = states[-1].adversary_opt
+    assert float(contrast.met.share.sum()) == pytest.approx(1.0)
+    lower, upper = state_limits.drawn(contrast.met, state_limits.scale_of(contrast.reach, 1.0), states[-1].obs_stats)
+    drawn = states[-1].params.feasibility["step"]["params"]
+    np.testing.assert_allclose(drawn["lower"], lower, rtol=1e-5)
+    np.testing.assert_allclose(drawn["upper"], upper, rtol=1e-5)
+    assert ran()[0][-1].adversary_opt.met is None  # where actions are counted
 
 
 def test_what_lies_beyond_a_limit_is_charged_and_what_is_masked_is_not():
