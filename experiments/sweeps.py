@@ -29,6 +29,7 @@ from aircl_jax.runs.sweep import sweep
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, listed, refuse_short_runs
 from experiments.shared.commits import current_commit
+from experiments.shared.fresh_seeds import ON_GRIDS, first_seed_of
 from experiments.shared.kept_files import keep, read_kept
 from experiments.shared.paired_tests import spread
 
@@ -54,6 +55,19 @@ SWEEPS = {
     "m": Sweep("m, weight of q's samples as feasible", "aircl_corrected", "sampled_coef", (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)),
     "demonstrations": Sweep(
         "number of demonstrations", "aircl_corrected", "num_demonstrations", (5, 10, 20, 50, 100, 200), "config"
+    ),
+    "demonstrations_contrast": Sweep(
+        "number of demonstrations, contrast row",
+        "aircl_contrast",
+        "num_demonstrations",
+        (5, 10, 20, 50, 100, 200),
+        "config",
+    ),
+    "threshold_contrast": Sweep(
+        "ϑ, ratio below which an entry is flagged, contrast row",
+        "aircl_contrast",
+        "threshold",
+        (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5),
     ),
     "noise": Sweep(
         "share of random moves (slip), in demonstrations and world",
@@ -97,7 +111,7 @@ def _other_words(words: Sequence[str]) -> list[str]:
 
 def run(varied: Sweep, settings: Settings) -> dict[str, Any]:
     """Train one sweep; return {…, "metrics": {NAME: [V, S]}}."""
-    iterations = settings.iterations or "default"
+    iterations, first = settings.iterations or "default", first_seed_of("gridworld", varied.method)
     if varied.of == "coefficient":
         spec = make_spec(
             "gridworld",
@@ -105,7 +119,7 @@ def run(varied: Sweep, settings: Settings) -> dict[str, Any]:
             seeds=settings.seeds,
             iterations=iterations,
             contrast_prior="method",
-            first_seed=0,
+            first_seed=first,
             demonstrations="default",
             env_settings={},
             config={},
@@ -119,6 +133,7 @@ def run(varied: Sweep, settings: Settings) -> dict[str, Any]:
                 "gridworld",
                 varied.method,
                 seeds=settings.seeds,
+                first_seed=first,
                 iterations=iterations,
                 env_settings=change if varied.of == "env" else {},
                 config=change if varied.of == "config" else {},
@@ -143,7 +158,10 @@ def _finite(value: float | None) -> float | None:
 
 def write(out: Path) -> Path:
     """Write report.md and the figures of the finished sweeps."""
-    lines = ["# Sensitivity on the grid", "", "`python -m experiments.sweeps`; mean ± std over seeds, — where undefined.", ""]
+    about = (
+        f"mean ± std over seeds, — where undefined. Seeds are 0 and on, of `aircl_contrast` {ON_GRIDS} and on, which are fresh."
+    )
+    lines = ["# Sensitivity on the grid", "", f"`python -m experiments.sweeps`; {about}", ""]
     for name, varied in SWEEPS.items():
         path = out / f"{name}.json"
         lines += [f"## {varied.title}", ""]

@@ -19,6 +19,7 @@ from envs.layouts import LAYOUTS
 from envs.options import GridOptions
 from envs.registry import options_of
 from experiments.shared.commits import current_commit
+from experiments.shared.fresh_seeds import first_seed_of
 from experiments.shared.kept_files import keep, read_kept
 
 REWARDS: Mapping[str, Mapping[str, Any]] = {
@@ -42,7 +43,6 @@ MORE: Mapping[str, tuple[str, int]] = {  # a world with more demonstrations
 }
 ORACLE, RANDOM = "oracle", "random"
 CONTRAST, PLANNED = "aircl_contrast", "aircl_contrast planned"
-FRESH = 1000  # first seed of the contrast rows: their settings were chosen on seeds 200 to 203 of the default layout
 CONTRAST_SEEDS = 10
 RANDOM_SEEDS = 10
 OF_THE_POLICY = ("violation_rate_policy", "violation_rate_expert", "goal_rate", "expert_goal_rate", "return", "expert_return")
@@ -107,11 +107,12 @@ def _learned(
         draws = [np.random.default_rng(seed).normal(size=world.reward.shape) for seed in range(RANDOM_SEEDS)]
         return list(range(RANDOM_SEEDS)), [Learned(in_every_world(reward), None, nowhere) for reward in draws], {}
     ours = row in (CONTRAST, PLANNED)
+    method = CONTRAST if ours else row
     result = train(
         "gridworld",
-        CONTRAST if ours else row,
+        method,
         seeds=max(study.seeds, CONTRAST_SEEDS) if ours else study.seeds,
-        first_seed=FRESH if ours else 0,
+        first_seed=first_seed_of("gridworld", method),
         iterations=study.iterations or "default",
         env_settings=settings,
         config={

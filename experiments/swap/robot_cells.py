@@ -21,6 +21,7 @@ from aircl_jax.transfer.fresh import Fresh
 from aircl_jax.transfer.swap import SwapResult, measure, recombine
 from envs import Env
 from experiments.shared.commits import current_commit
+from experiments.shared.fresh_seeds import first_seed_of
 from experiments.shared.kept_files import keep, read_kept
 from experiments.swap.playing import played, uniform
 from experiments.swap.robot_tests import Test
@@ -29,7 +30,6 @@ CONTRAST = "aircl_contrast"
 ORACLE, UNIFORM, RANDOM, AS_IS = "oracle", "uniform", "random", " as it is"
 FIRST_SEED = 9000  # of fresh policies: no learned seed, no seed that a setting was chosen on
 FIRST_FREE_SEED = 9300  # of those without a constraint: earlier ones were spent on a defect (docs/learner.md)
-FIRST_LEARNED_SEED = 110  # of the contrast row: on earlier ones settings were chosen (docs/research.md)
 Cell = Mapping[str, Any]
 
 
@@ -126,7 +126,7 @@ def _trained(study: Study, env: str, method: str) -> Result:
     if study.result is not None:
         return study.result
     directory = study.runs / env / method
-    first = FIRST_LEARNED_SEED if method == CONTRAST else 0
+    first = first_seed_of(env, method)
     return train(env, method, seeds=study.seeds_of(method), first_seed=first, run_dir=directory, resume=True)
 
 

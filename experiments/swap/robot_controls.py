@@ -22,9 +22,10 @@ from aircl_jax.transfer.fresh import Fresh
 from aircl_jax.transfer.swap import recombine
 from envs import Box
 from experiments.shared.commits import current_commit
+from experiments.shared.fresh_seeds import ON_ROBOTS
 from experiments.shared.kept_files import keep, read_kept
 from experiments.swap.playing import played, uniform
-from experiments.swap.robot_cells import FIRST_LEARNED_SEED, Study
+from experiments.swap.robot_cells import Study
 
 Cell = Mapping[str, Any]
 Cells = Mapping[tuple[str, str, str], Cell]
@@ -66,7 +67,7 @@ def cell(study: Study, env: str, method: str, name: str) -> Cell:
         return read_kept(path, "env", "row", "test")
     control, commit = CONTROLS[name], current_commit()
     say(f"{method} on {env}, {name}: {control.about}")
-    seeds = range(FIRST_LEARNED_SEED, FIRST_LEARNED_SEED + study.seeds)
+    seeds = range(ON_ROBOTS, ON_ROBOTS + study.seeds)
     folder = study.runs / env / f"{method}_{path.stem}"
     demonstrations = study.runs / env / f"{path.stem}.npz"
     if not demonstrations.exists():

@@ -43,6 +43,17 @@ def finished_worlds(cells: Cells, reward: str, rows: Sequence[str]) -> list[str]
 
 
 def robot_score(cells: Cells, env: str, test: str, row: str) -> Score | None:
+    """Average `robot_values` over seeds; None where a cell is missing."""
+    values = robot_values(cells, env, test, row)
+    if values is None:
+        return None
+    violation = float(np.mean(cells[env, test, row]["metrics"]["violation_rate"]))
+    if test == "S1":
+        violation /= float(np.mean(cells[env, test, ORACLE]["metrics"]["violation_rate"]))
+    return _score(values, violation)
+
+
+def robot_values(cells: Cells, env: str, test: str, row: str) -> list[float] | None:
     """(J − J_u) / (J* − J_u) of each seed; of f alone the lift (J − J_c) / (J_free − J_c). None where a cell is missing.
 
     J*, J_u, J_c and J_free are means over the seeds of the oracle and of the uniform policy.
@@ -52,10 +63,7 @@ def robot_score(cells: Cells, env: str, test: str, row: str) -> Score | None:
     if cell is None or best is None or floor is None:
         return None
     low, high = (float(np.mean(one["metrics"]["return"])) for one in (floor, best))
-    violation = float(np.mean(cell["metrics"]["violation_rate"]))
-    if test == "S1":
-        violation /= float(np.mean(best["metrics"]["violation_rate"]))
-    return _score([(value - low) / (high - low) for value in cell["metrics"]["return"]], violation)
+    return [(value - low) / (high - low) for value in cell["metrics"]["return"]]
 
 
 def grid_score(cells: Cells, worlds: Sequence[str], measure: str, row: str, violation: str = "") -> Score | None:

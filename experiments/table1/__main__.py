@@ -24,6 +24,7 @@ from aircl_jax.messages import say
 from experiments.cli.command import BAD_INPUT, DONE, complain, run_command
 from experiments.cli.words import SEEDS, listed, smoke_budget
 from experiments.shared.commits import current_commit
+from experiments.swap import scores
 from experiments.table1 import cells, claims_report, report
 from experiments.table1.cells import COLUMNS, ROWS, Job
 
@@ -127,7 +128,7 @@ def write(job: Job, refused: dict[tuple[str, str], str], command: str) -> None:
         for method in ROWS
         if (env, method) not in finished
     }
-    study = cells.Study(job, finished, missing, command, current_commit())
+    study = cells.Study(job, finished, missing, command, current_commit(), scores.load(job.out / "swap"))
     job.out.mkdir(parents=True, exist_ok=True)
     for name, text in (
         ("table1.md", report.markdown(study)),

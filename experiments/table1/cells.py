@@ -10,22 +10,18 @@ from typing import Any, Literal
 import numpy as np
 
 from aircl_jax import train
-from aircl_jax.methods import METHODS
 from aircl_jax.runs.directory import CONFIG
 from aircl_jax.runs.spec import RunSpec, make_spec
 from aircl_jax.settings.env_defaults import default_config, unnamed_settings
 from aircl_jax.settings.renamed import renamed
 from envs.settings import flatten
 from experiments.cli.progress import Reporter
+from experiments.shared.fresh_seeds import first_seed_of, has_fresh_seeds
 from experiments.shared.kept_files import keep, read_kept
 from experiments.shared.paired_tests import Values
 from experiments.shared.paper import COLUMNS, METHODS_OF_THE_PAPER
-from experiments.swap.grid_cells import FRESH
-from experiments.swap.robot_cells import FIRST_LEARNED_SEED
 
 ROWS = (*METHODS_OF_THE_PAPER, "airl_centred", "aircl_corrected", "aircl_contrast", "bc")
-# First seeds of the rows of settings=contrast, as in experiments.swap: on the others' seeds their settings were chosen.
-FRESH_SEEDS = {env: FRESH if env == "gridworld" else FIRST_LEARNED_SEED for env in COLUMNS}
 POINTS = 20  # least number of points of a learning curve
 CURVES = ("violation_rate", "violation_rate_policy", "rc_acc", "balanced_acc", "return", "feasibility_gap")
 KEPT = (
@@ -57,13 +53,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Study:
-    """Input of a table: the finished cells, and the reason for each missing one."""
+    """Input of a table: the finished cells, the reason for each missing one, and the cells of the swap test beside them."""
 
     job: Job
     cells: Cells
     missing: Mapping[tuple[str, str], str]
     command: str
     commit: str
+    swap: Mapping[tuple[str, str, str], Cell] = field(default_factory=dict)
 
     def column(self, env: str, metric: str, methods: Sequence[str] = ROWS) -> dict[str, Values]:
         """Return {method: {seed: value}} of the finished cells."""
@@ -71,19 +68,10 @@ class Study:
         return {method: values(cell, metric) for method, cell in row.items() if cell is not None}
 
 
-def has_own_budget(method: str) -> bool:
-    """Whether a row has iterations and seeds of its own, and not those that all other rows of an environment share."""
-    return METHODS[method].settings == "contrast"
-
-
 def iterations_of(job: Job, env: str, method: str) -> int:
     """Return the iterations of a row: its own settings', or the longer of the paper's and our earlier settings'."""
-    settings = ("contrast",) if has_own_budget(method) else ("paper", "tuned")
+    settings = ("contrast",) if has_fresh_seeds(method) else ("paper", "tuned")
     return job.iterations or max(default_config(env, name).iterations for name in settings)
-
-
-def first_seed_of(env: str, method: str) -> int:
-    return FRESH_SEEDS[env] if has_own_budget(method) else 0
 
 
 def chunk_of(iterations: int) -> int:

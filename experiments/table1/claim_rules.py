@@ -1,7 +1,7 @@
 """Judge a claim from the cells by one of three rules; each verdict is holds, does not hold or cannot be told."""
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -149,7 +149,10 @@ class Harder(NamedTuple):
         return [of_enough_seeds(Finding(self.env, what, f"{worse} of {rows} rows", verdict), min(map(len, here.values())))]
 
 
-Rule = Contrast | Bound | Harder
+class Rule(Protocol):
+    """What judges a claim: lines of evidence, each with its verdict."""
+
+    def findings(self, study: Study) -> Sequence[Finding]: ...
 
 
 def missing(study: Study, env: str, methods: Sequence[str]) -> str:

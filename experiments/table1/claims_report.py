@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from aircl_jax.reports import markdown as md
 from experiments.shared.paired_tests import FEWEST_SEEDS
-from experiments.table1 import claims, convergence
+from experiments.table1 import claims, contrast_claims, convergence, swap_rules
 from experiments.table1.cells import Study
 from experiments.table1.claim_rules import LOWER_IS_BETTER, Bound, Contrast, Finding, Harder, overall
 from experiments.table1.claims import ClaimWithEvidence
@@ -17,15 +17,16 @@ def markdown(study: Study) -> str:
     paper = [claims.with_evidence(study, claim) for claim in claims.CLAIMS]
     best = "`aircl_corrected` is best or tied among rows that are not given the true reward"
     ours = [(best, "ours", claims.best_without_reward(study)), *(claims.with_evidence(study, claim) for claim in claims.OURS)]
+    contrast = [claims.with_evidence(study, claim) for claim in contrast_claims.CLAIMS]
     measure: list[ClaimWithEvidence] = [
         ("Values like the paper's are those of runs stopped before convergence", "ours", convergence.findings(study)),
         ("A higher RCAcc goes with fewer violations", "Section 7.1", claims.ranks(study)),
     ]
     smoke = study.job.scale == "smoke"
     introduction = (
-        f"`{study.command}`, at commit `{study.commit}`; computed from the cells of [table1.md](table1.md), nothing by hand. A "
-        "claim holds, or does not hold, if more than half of its lines do; a line whose cells are missing cannot be told. "
-        f"With fewer than {FEWEST_SEEDS} seeds no line can be told."
+        f"`{study.command}`, at commit `{study.commit}`; computed from the cells of [table1.md](table1.md) and of "
+        "[swap.md](swap.md), nothing by hand. A claim holds, or does not hold, if more than half of its lines do; a line whose "
+        f"cells are missing cannot be told. With fewer than {FEWEST_SEEDS} seeds no line can be told."
     )
     animals = "Figures 2 and 4 of the paper, on animals, are not in these cells: see `results/figure2` and `results/figure4`."
     parts = [
@@ -34,11 +35,12 @@ def markdown(study: Study) -> str:
         introduction,
         _summary("What the paper says", paper),
         _summary("What this project says", ours),
+        _summary("What this project says of `aircl_contrast`", contrast),
         _summary("What the measures say", measure),
         animals,
         f"## What RCAcc is at the optimum\n\n{claims.at_the_optimum(study)}",
         "# Evidence",
-        *(_evidence(*claim) for claim in (*paper, *ours, *measure)),
+        *(_evidence(*claim) for claim in (*paper, *ours, *contrast, *measure)),
         "# Rules",
         md.bullets(_rules()),
     ]
@@ -80,6 +82,7 @@ def _rules() -> list[str]:
     return [
         f"*One row before another.* {Contrast.rule} Gains are so signed that more is better ({better}).",
         f"*A limit.* {Bound.rule}",
+        f"*A limit of the swap test.* {swap_rules.RULE}",
         f"*One environment harder than another.* {Harder.rule}",
         f"*Stopped before convergence.* {convergence.RULE}",
         "*Best or tied.* Not shown to be worse than the best mean (tested as one row before another, p ≥ 0.05).",

@@ -10,9 +10,10 @@ from aircl_jax.methods import METHODS
 from aircl_jax.reports import markdown as md
 from aircl_jax.reports.summary import statistics, versions
 from experiments.shared.commits import changed_since
+from experiments.shared.fresh_seeds import first_seed_of, has_fresh_seeds
 from experiments.shared.paired_tests import CONFIDENCE, SIGNIFICANCE, Values, best_or_tied, each, interval
 from experiments.shared.paper import PAPER
-from experiments.table1.cells import COLUMNS, ROWS, Cell, Study, first_seed_of, has_own_budget, iterations_of, other_settings
+from experiments.table1.cells import COLUMNS, ROWS, Cell, Study, iterations_of, other_settings
 from experiments.table1.convergence import STILL, settled
 
 LEVELS = (0.001, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # violation rates of the performance profile
@@ -123,7 +124,7 @@ def _heading(study: Study) -> list[str]:
 def _own_budgets(study: Study) -> list[str]:
     """Say in a sentence of each row with its own iterations and seeds which they are."""
     said = []
-    for method in filter(has_own_budget, ROWS):
+    for method in filter(has_fresh_seeds, ROWS):
         budgets = []
         for env in COLUMNS:
             first = first_seed_of(env, method)

@@ -68,16 +68,22 @@ def test_every_world_is_trained_with_its_layout_and_finished_cells_are_kept(tmp_
     monkeypatch.setattr(recovery, "train", train)
     words = ["seeds=2", "iterations=4", f"out={tmp_path}"]
     assert main(words) == 0
-    assert [method for env, method, given in trained[: len(METHODS)]] == list(METHODS)
+    on_default = [method for method in METHODS if method != "behaviour"]
+    assert [method for env, method, given in trained[: len(on_default)]] == on_default
     asked = {(env, json.dumps(given["env_settings"])) for env, _, given in trained}
     layouts = ({}, {"obstacles": SECOND}, {"obstacles": THIRD})
     assert asked == {*(("gridworld", json.dumps(one)) for one in layouts), ("nonmarkov", "{}")}
-    assert len(trained) == len(METHODS) + 3 * 3
+    assert len(trained) == len(on_default) + 3 * 4
     assert {(given["seeds"], given["iterations"]) for *_, given in trained} == {(2, 4)}
+    contrast = [method.startswith("aircl_contrast") for _, method, _ in trained]
+    assert [given["first_seed"] for *_, given in trained] == [1000 if ours else 0 for ours in contrast]
+    assert [method for env, method, _ in trained if env == "nonmarkov"][-1] == "aircl_contrast_memory"
     kept = json.loads((tmp_path / "third_layout" / "aircl.json").read_text())
+    fresh = json.loads((tmp_path / "default" / "aircl_contrast.json").read_text())
+    assert fresh["command"].endswith("env=gridworld method=aircl_contrast seeds=2 first_seed=1000")
     assert kept["command"].endswith("env=gridworld method=aircl seeds=2 env.obstacles=[[0,4],[1,3],[1,4],[2,3],[4,2]]")
     assert main(words) == 0
-    assert len(trained) == len(METHODS) + 9
+    assert len(trained) == len(on_default) + 12
     assert rows_of((tmp_path / "table.md").read_text(), "third layout")["aircl"]["violation_rate"] == "0.100 ± 0.000"
     assert "training" in capsys.readouterr().out
 

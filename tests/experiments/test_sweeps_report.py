@@ -58,6 +58,7 @@ def test_a_setting_of_the_world_or_of_training_is_changed_where_it_belongs(of, m
 
     def train(env, method, **given):
         asked.append((given["env_settings"], given["config"]))
+        assert given["first_seed"] == 0
         value = {**given["env_settings"], **given["config"]}["name"]
         return SimpleNamespace(summary={"metrics": {"violation_rate": {"per_seed": [value, None]}}})
 
@@ -84,3 +85,22 @@ def test_a_coefficient_is_swept_in_one_program(monkeypatch):
 @pytest.mark.parametrize(("name", "method"), [("phi_literal", "aircl"), ("phi_corrected", "aircl_corrected_prior")])
 def test_phi_is_swept_as_printed_and_as_corrected(name, method):
     assert (sweeps.SWEEPS[name].method, sweeps.SWEEPS[name].name) == (method, "contrast_coef")
+
+
+def test_the_contrast_row_is_swept_on_its_fresh_seeds_with_its_own_iterations(monkeypatch):
+    asked = []
+
+    def train(env, method, **given):
+        asked.append((method, given["first_seed"], given["iterations"], given["config"]))
+        return SimpleNamespace(summary={"metrics": {}})
+
+    def swept(spec, name, values):
+        asked.append((spec.method_name, spec.seeds, spec.config.iterations, name))
+        return {}
+
+    monkeypatch.setattr(sweeps, "train", train)
+    monkeypatch.setattr(sweeps, "sweep", swept)
+    sweeps.run(sweeps.SWEEPS["demonstrations_contrast"], sweeps.Settings(seeds=2))
+    assert asked == [("aircl_contrast", 1000, "default", {"num_demonstrations": n}) for n in (5, 10, 20, 50, 100, 200)]
+    sweeps.run(sweeps.SWEEPS["threshold_contrast"], sweeps.Settings(seeds=2))
+    assert asked[-1] == ("aircl_contrast", (1000, 1001), 300, "threshold")
