@@ -103,7 +103,7 @@ def test_a_real_small_disk_that_is_full(whole, tmp_path):
     small.mkdir()
     words = " ".join(f"'{word}'" for word in [*WORDS, f"run_dir={small / 'run'}"])
     command = f"{sys.executable} -m experiments.run {words}"
-    fill = f"mount -t tmpfs -o size=1M none {small}; head -c 100M /dev/zero > {small}/filler 2>/dev/null"
+    fill = f"mount -t tmpfs -o size=16M none {small}; head -c 100M /dev/zero > {small}/filler 2>/dev/null"
     go_on = f"{command}; echo $?; rm {small}/filler; {command} resume=true"
     kept = f"cp {small}/run/metrics.jsonl {tmp_path}/metrics.jsonl; umount {small}"
     script = f"{fill}; {go_on}; {kept}"
