@@ -215,3 +215,14 @@ def test_the_least_p_without_pairs_is_two_of_all_exchanges_or_of_those_drawn():
 def test_three_fresh_seeds_against_three_give_no_bold():
     rows = {"a": shifted(np.array([0.1, 0.11, 0.12]), 0), "b": shifted(np.array([0.8, 0.9, 1.0]), 10)}
     assert best_or_tied(rows, lower=True) == set()  # 2 of C(6, 3) = 20 are 10 %
+
+
+def test_one_row_with_too_few_pairs_leaves_nothing_bold():
+    # 2 of 2⁶ signs, for two rows 6.25 %; without pairs 2 of C(12, 6), 0.4 %.
+    column = {
+        "best": shifted(around(0.1)[:6], 0),
+        "paired": shifted(around(0.5)[:6], 0),
+        "fresh": shifted(around(0.9)[:6], 110),
+    }
+    assert best_or_tied(column, lower=True) == set()
+    assert best_or_tied({name: column[name] for name in ("best", "fresh")}, lower=True) == {"best"}

@@ -82,6 +82,20 @@ def test_finished_cells_are_skipped_and_missing_ones_are_said_to_be(job):
     assert kept["missing"]["walker/aircl"] == "no demonstrations are shipped"
 
 
+def test_the_claims_read_the_swap_cells_that_lie_beside_the_table():
+    for row, returns in (("aircl_contrast", 88.0), ("oracle", 110.0), ("uniform", 10.0)):
+        cell = {
+            "env": "swimmer",
+            "test": "S2",
+            "row": row,
+            "metrics": {"return": [returns] * SEEDS, "violation_rate": [0.0] * SEEDS},
+        }
+        cells.keep(Path(f"mine/swap/swimmer/{row}/S2.json"), cell)
+    assert table1.main(["out=mine", "train=false"]) == 0
+    line = "| swimmer | S2: share of what the truth earns ≥ 0.95 | 0.780 [0.780, 0.780], 10 seeds | does not hold |"
+    assert line in Path("mine/claims.md").read_text()
+
+
 def test_a_refused_cell_is_named_and_the_others_go_on(capsys):
     def refuse(job, env, method, commit, overwrite):
         if method == "airl":
