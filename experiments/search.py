@@ -17,7 +17,6 @@ from experiments.cli.hydra_settings import DEFAULT_ENV, QUIET, hydra_node, store
 from experiments.cli.words import value_of
 
 if TYPE_CHECKING:
-    from aircl_jax.tuning.search import Found
     from aircl_jax.tuning.study import Trial
 
 HELP = f"""Search settings of training on demonstrations, without the true reward or cost.
@@ -100,7 +99,9 @@ def run(composed: Composed, ranges: Mapping[str, Sequence[Any]]) -> None:
     from aircl_jax.storage import disk, write_whole
     from aircl_jax.tuning.search import TABLE, THEN, search
 
-    say(f"{settings.method} on {composed.env}, {settings.budget} trials of {settings.iterations} iterations, in {settings.run_dir}")
+    say(
+        f"{settings.method} on {composed.env}, {settings.budget} trials of {settings.iterations} iterations, in {settings.run_dir}"
+    )
     found = search(
         composed.env,
         ranges=ranges,
@@ -110,11 +111,12 @@ def run(composed: Composed, ranges: Mapping[str, Sequence[Any]]) -> None:
         **vars(settings),
     )
     command = command_of(composed, found.best, settings)
-    words = (
-        found.table if found.has_defaults else f"{found.table}\n\nThe defaults lie outside the ranges and were not tried.",
-        "The best score is the greatest of several, so it flatters. Train with its settings, on all demonstrations and with "
-        f"other seeds:\n\n    {command}",
-    )
+    words = [
+        found.table,
+        *([] if found.has_defaults else ["The defaults lie outside the ranges and were not tried."]),
+        "The best score is the greatest of several, so it flatters. Train with its settings, on all demonstrations and other seeds:",
+        f"    {command}",
+    ]
     path = Path(settings.run_dir) / TABLE
     with disk(path, THEN):
         write_whole(path, "\n\n".join([f"# Search on {composed.env}", *words]) + "\n")

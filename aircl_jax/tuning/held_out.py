@@ -29,9 +29,7 @@ class Weights:
     passing: float = 1.0
 
     def score(self, parts: dict[str, float]) -> float:
-        return (
-            self.likelihood * parts["likelihood"] - self.moments * parts["moments"] + self.passing * parts["passing"]
-        )
+        return self.likelihood * parts["likelihood"] - self.moments * parts["moments"] + self.passing * parts["passing"]
 
 
 def split(trajectories: Trajectory, share: float) -> tuple[Trajectory, Trajectory]:

@@ -96,10 +96,11 @@ def _choice(name: str, values: list[Any]) -> Choice:
 
 
 def _range(name: str, values: Sequence[Any], now: Any) -> Range:
-    low, high, *rest = values if len(values) in (2, 3) else (None, None)
-    numbers = all(isinstance(end, (int, float)) and not isinstance(end, bool) for end in (low, high))
-    if not numbers or rest not in ([], ["log"]):
+    ends, rest = values[:2], list(values[2:])
+    numbers = all(isinstance(end, (int, float)) and not isinstance(end, bool) for end in ends)
+    if len(ends) < 2 or not numbers or rest not in ([], ["log"]):
         raise ValueError(f"{name}={':'.join(map(str, values))} is no range; write LOW:HIGH or LOW:HIGH:log")
+    low, high = ends
     if not low < high:
         raise ValueError(f"{name}={low}:{high} is empty; the first number has to be the smaller")
     if rest and low <= 0:

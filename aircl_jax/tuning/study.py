@@ -1,5 +1,6 @@
 """Try settings one after another and keep each trial in a file of Optuna; an interrupted study goes on where it was."""
 
+import importlib
 import json
 import math
 import time
@@ -79,7 +80,7 @@ def explore(
 def imported() -> Any:
     """Import Optuna, which then speaks of errors alone. Raises ValueError, in one line, where it is missing."""
     try:
-        import optuna
+        optuna = importlib.import_module("optuna")
     except ImportError as error:
         raise ValueError(MISSING) from error
     optuna.logging.set_verbosity(optuna.logging.ERROR)

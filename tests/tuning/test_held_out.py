@@ -58,7 +58,9 @@ def test_the_gap_is_0_for_the_same_steps_and_2_for_two_points(bound):
     assert between(networks, held, held) == 0
     everywhere = jnp.ones_like(held.mask)
     first, second = (
-        held._replace(obs=jnp.zeros_like(held.obs).at[..., cell].set(1.0), action=jnp.full_like(held.action, cell), mask=everywhere)
+        held._replace(
+            obs=jnp.zeros_like(held.obs).at[..., cell].set(1.0), action=jnp.full_like(held.action, cell), mask=everywhere
+        )
         for cell in (0, 1)
     )
     assert between(networks, first, second) == pytest.approx(2 * np.sqrt(8 / 26), rel=1e-5)  # of 2 (9 + 4) moments 8 differ

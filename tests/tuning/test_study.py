@@ -12,7 +12,11 @@ from aircl_jax.tuning.study import STUDY, explore
 optuna = pytest.importorskip("optuna", reason="the extra `search` is not installed")
 
 RANGES = read_ranges(
-    {"train.ppo.learning_rate": (1e-4, 1e-1, "log"), "train.encoder": ["attention", "gru"], "train.adversary.num_steps": (1, 9)},
+    {
+        "train.ppo.learning_rate": (1e-4, 1e-1, "log"),
+        "train.encoder": ["attention", "gru"],
+        "train.adversary.num_steps": (1, 9),
+    },
     TrainConfig(),
 )
 BEFORE = {"train.ppo.learning_rate": 1e-3, "train.encoder": "gru", "train.adversary.num_steps": 9}
@@ -21,7 +25,10 @@ BEFORE = {"train.ppo.learning_rate": 1e-3, "train.encoder": "gru", "train.advers
 def bowl(values):
     """Greatest at 0.01, attention and 4 steps."""
     rate = abs(values["train.ppo.learning_rate"] - 0.01)
-    return {"score": -rate - (values["train.encoder"] == "gru") - 0.1 * abs(values["train.adversary.num_steps"] - 4), "rate": rate}
+    return {
+        "score": -rate - (values["train.encoder"] == "gru") - 0.1 * abs(values["train.adversary.num_steps"] - 4),
+        "rate": rate,
+    }
 
 
 def study(folder: Path, budget: int, measure=bowl, defaults=BEFORE, settings=None, on_trial=lambda trials, left: None):
