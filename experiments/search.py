@@ -99,9 +99,8 @@ def run(composed: Composed, ranges: Mapping[str, Sequence[Any]]) -> None:
     from aircl_jax.storage import disk, write_whole
     from aircl_jax.tuning.search import TABLE, THEN, search
 
-    say(
-        f"{settings.method} on {composed.env}, {settings.budget} trials of {settings.iterations} iterations, in {settings.run_dir}"
-    )
+    trials = f"{settings.budget} trials of {settings.iterations} iterations"
+    say(f"{settings.method} on {composed.env}, {trials}, in {settings.run_dir}")
     found = search(
         composed.env,
         ranges=ranges,
@@ -114,7 +113,7 @@ def run(composed: Composed, ranges: Mapping[str, Sequence[Any]]) -> None:
     words = [
         found.table,
         *([] if found.has_defaults else ["The defaults lie outside the ranges and were not tried."]),
-        "The best score is the greatest of several, so it flatters. Train with its settings, on all demonstrations and other seeds:",
+        "The best score is the greatest of several, so it flatters. To train with it, on all demonstrations and other seeds:",
         f"    {command}",
     ]
     path = Path(settings.run_dir) / TABLE
