@@ -93,7 +93,7 @@ def test_a_command_whose_extra_is_missing_is_one_line(monkeypatch, capsys):
 
 def test_an_unknown_command_is_one_line(capsys):
     assert main(["runn"]) == 2
-    assert capsys.readouterr().err.startswith("error: unknown command 'runn'; choose from run, watch")
+    assert capsys.readouterr().err.startswith("error: unknown command 'runn'; choose from run, search")
 
 
 def test_the_script_and_the_files_beside_the_code_are_declared():
