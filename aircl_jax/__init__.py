@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from aircl_jax.runs.sweep import sweep
     from aircl_jax.transfer.shield import shield
     from aircl_jax.transfer.swap import swap
+    from aircl_jax.tuning.search import search
     from envs import ENVS, make_env
 
 _HOMES = {
@@ -44,6 +45,7 @@ _HOMES = {
     "mean_over_steps": "aircl_jax.algorithm.masks:mean_over_steps",
     "occupancy": "aircl_jax.demonstrations.soft_optimal:occupancy",
     "read_metrics": "aircl_jax.runs.metrics_log:read_metrics",
+    "search": "aircl_jax.tuning.search:search",
     "shield": "aircl_jax.transfer.shield:shield",
     "soft_value_iteration": "aircl_jax.demonstrations.soft_optimal:soft_value_iteration",
     "sweep": "aircl_jax.runs.sweep:sweep",
@@ -67,6 +69,7 @@ __all__ = [
     "mean_over_steps",
     "occupancy",
     "read_metrics",
+    "search",
     "shield",
     "soft_value_iteration",
     "swap",

@@ -34,6 +34,7 @@ from aircl_jax.settings.checks import check_jax
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.storage import disk
 from aircl_jax.transfer.learned import maps_of_learned, measures_of_learned
+from aircl_jax.transfer.plans import plans_of
 from aircl_jax.types import TrainState, Trajectory
 from envs import Env
 from envs.animals.data_folder import command_prefix
@@ -175,7 +176,10 @@ def _keep(
         words = attempt("the reading in plain words", lambda: reading(result), "")
         maps = attempt("the maps", lambda: maps_of_learned(result), {})
         card = attempt("the card", lambda: card_of(result), None)
+        plans = attempt("the plans", lambda: plans_of(result), None)
     directory.write_maps(maps)
+    if plans is not None:
+        directory.write_plans(plans)
     if card is not None:
         card = {**card, "cannot_tell": [*card["cannot_tell"], *notes]}
         directory.write_card(as_json(card), as_markdown(card, f"{spec.method_name} on {spec.env.title}"))

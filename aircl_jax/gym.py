@@ -45,10 +45,14 @@ class World(gymnasium.Env[np.ndarray, Any]):
         return np.asarray(obs, np.float32), {}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Take one control step. Raises RuntimeError where no episode has begun, or the last one has ended."""
+        """Take one control step.
+
+        Raises RuntimeError where no episode has begun, or the last one has ended, and ValueError for what is no action: a
+        number that is none of them, another shape, or a value that is not finite. Beyond a box the world itself clips.
+        """
         if self._state is None:
             raise RuntimeError("no episode is under way; call reset first")
-        taken = np.asarray(action, np.int32 if isinstance(self.env.action_space, Discrete) else np.float32)
+        taken = self._checked(action)
         self._state, self._key, step = self._move(self._key, self._state, taken)
         self._steps += 1
         ended, over = bool(step.terminated > 0), self._steps >= self.env.horizon
@@ -59,6 +63,19 @@ class World(gymnasium.Env[np.ndarray, Any]):
         reward = float(step.reward) if self.env.has_reward else 0.0
         cost = float(step.cost)
         return np.asarray(step.obs, np.float32), reward, terminated, truncated, {} if np.isnan(cost) else {"cost": cost}
+
+    def _checked(self, action: Any) -> np.ndarray:
+        """Return an action as the world takes it."""
+        space, given = self.env.action_space, np.asarray(action)
+        if given.shape != space.shape:
+            raise ValueError(f"action has shape {list(given.shape)}; {self.env.name} needs {list(space.shape)}")
+        if isinstance(space, Discrete):
+            if given.dtype.kind not in "iu" or not 0 <= given < space.n:
+                raise ValueError(f"action={action} is none of {self.env.name}; choose from 0 to {space.n - 1}")
+            return given.astype(np.int32)
+        if not np.isfinite(given).all():
+            raise ValueError(f"action={given.tolist()} is not finite")
+        return given.astype(np.float32)
 
     def _one_step(self, key: Any, state: Any, action: Any) -> tuple[Any, Any, Any]:
         key_step, key = jax.random.split(key)

@@ -26,6 +26,7 @@ FLOORS = (
     ("reports",),
     ("figures",),
     ("api",),
+    ("tuning",),
     ("experiments",),
 )
 FLOOR = {shelf: floor for floor, shelves in enumerate(FLOORS) for shelf in shelves}

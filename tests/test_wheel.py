@@ -24,7 +24,7 @@ SOURCES = sorted(path for package in ("aircl_jax", "envs", "experiments") for pa
 # What the extras bring and the core has to do without.
 OF_EXTRAS = {
     *("pandas", "tigramite", "joblib", "pyarrow", "brax", "gymnasium", "minari", "h5py", "flatbuffers", "onnx", "onnxruntime"),
-    *("tensorboardX", "wandb", "mlflow", "sphinx"),
+    *("tensorboardX", "wandb", "mlflow", "sphinx", "optuna"),
 }
 RUN = [
     *("run", "env=gridworld", "method=airl", "scale=smoke", "iterations=2", "run_dir=out", "seeds=1"),
@@ -93,7 +93,7 @@ def test_a_command_whose_extra_is_missing_is_one_line(monkeypatch, capsys):
 
 def test_an_unknown_command_is_one_line(capsys):
     assert main(["runn"]) == 2
-    assert capsys.readouterr().err.startswith("error: unknown command 'runn'; choose from run, watch")
+    assert capsys.readouterr().err.startswith("error: unknown command 'runn'; choose from run, search")
 
 
 def test_the_script_and_the_files_beside_the_code_are_declared():
@@ -159,6 +159,7 @@ def test_a_wheel_without_any_extra_runs_from_a_folder_that_has_envs_and_experime
         (("export", "run_dir=out"), "export"),
         (("figure4",), "animals"),
         (("minari", "minari=a-v0"), "minari"),
+        (("search", "train.ppo.learning_rate=0.001:0.01"), "search"),
     ):
         refused = aircl(*words)
         assert refused.returncode == 2 and refused.stderr.count("\n") == 1, refused.stderr

@@ -64,9 +64,10 @@ def _archive(path: Path) -> AbstractContextManager[npz.Archive]:
 
 
 def save(path: str | Path, trajectories: Trajectory, metadata: Mapping[str, Any]) -> None:
-    """Write D_E as .npz, whole or not at all; `metadata` names its origin."""
+    """Write D_E as .npz, whole or not at all; `metadata` names its origin. An undefined reward or cost is left out."""
     path = Path(path)
     arrays = {name: np.asarray(getattr(trajectories, name)) for name in NAMES}
+    arrays = {name: values for name, values in arrays.items() if not np.isnan(values).any()}
     arrays["metadata"] = np.array(json.dumps(metadata))
     with replacing(path) as beside, beside.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)

@@ -1,4 +1,4 @@
-"""Write report.html: the card, then the report, with pictures, player and tables inside; one file that needs no network."""
+"""Write report.html: the card, then plans, player and report with pictures inside; one file that needs no network."""
 
 import base64
 import html
@@ -8,7 +8,9 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
-from aircl_jax.runs.directory import CARD_WORDS, FIGURES, REPORT
+from aircl_jax.reports import plans
+from aircl_jax.runs.directory import CARD_WORDS, FIGURES, PLANS, REPORT
+from aircl_jax.runs.readers import read_json
 
 PLAYER = "watch.html"  # within the figures, once `experiments.watch` has written it
 FOLDED = ("Every seed",)  # sections that are opened at a touch
@@ -23,11 +25,15 @@ def page_of(folder: Path, report: str | None = None) -> str:
         report = (folder / REPORT).read_text(encoding="utf-8")
     title = report.partition("\n")[0].removeprefix("# ")
     head, body = _sections(_with_figures(_as_html(report), folder))
-    card = folder / CARD_WORDS
-    parts = [head, _contents(body, card.exists(), player := folder / FIGURES / PLAYER)]
+    card, player, planned = folder / CARD_WORDS, folder / FIGURES / PLAYER, read_json(folder / PLANS)
+    has_plans = planned is not None and plans.is_plans(planned)
+    first = ["Card"] * card.exists() + ["Plans"] * has_plans + ["Film"] * player.exists()
+    parts = [head, _contents([*first, *(name for name, _ in body)])]
     if card.exists():
         _, of_card = _sections(_as_html(card.read_text(encoding="utf-8")))
         parts += ['<div id="card">', *(_titled(name, text) for name, text in of_card), "</div>"]
+    if planned is not None and has_plans:
+        parts.append(_titled("Plans", plans.as_html(planned)))
     if player.exists():
         parts.append(_titled("Film", _framed(player)))
     for name, text in body:
@@ -72,8 +78,7 @@ def _framed(player: Path) -> str:
     return f'<iframe title="demonstrations beside the policy" sandbox="allow-scripts" srcdoc="{content}"></iframe>'
 
 
-def _contents(body: list[tuple[str, str]], has_card: bool, player: Path) -> str:
-    names = ["Card"] * has_card + ["Film"] * player.exists() + [name for name, _ in body]
+def _contents(names: list[str]) -> str:
     links = (f'<a href="#{_anchor(name)}">{name}</a>' for name in names)
     return f"<nav>{' '.join(links)}</nav>"
 

@@ -23,8 +23,8 @@ from aircl_jax.runs.recorder import Row
 from aircl_jax.storage import DISK_ERRORS, DiskError, append, disk, locked, reason, replacing, write_whole
 
 STATE, REPORT, FIGURES, TRACE = "state", "report.md", "figures", "trace.txt"
-CARD, CARD_WORDS, MAPS, PAGE = "card.json", "card.md", "recovered.npz", "report.html"
-_DONE = (SUMMARY, REPORT, PAGE, CARD, CARD_WORDS, MAPS, TRACE)  # what a finished run has beside its history
+CARD, CARD_WORDS, MAPS, PAGE, PLANS = "card.json", "card.md", "recovered.npz", "report.html", "plans.json"
+_DONE = (SUMMARY, REPORT, PAGE, CARD, CARD_WORDS, MAPS, PLANS, TRACE)  # what a finished run has beside its history
 THEN = "once it can be, the same command with resume=true goes on"
 
 Settings = Mapping[str, Any]  # nested settings of a run, as config.yaml holds them
@@ -164,6 +164,10 @@ class RunDirectory:
     def write_card(self, as_json: str, in_words: str) -> None:
         self._write(CARD, as_json)
         self._write(CARD_WORDS, in_words)
+
+    def write_plans(self, plans: Mapping[str, Any]) -> None:
+        """Write what was planned on what was learned, for the page."""
+        self._write(PLANS, json.dumps(plans, allow_nan=False) + "\n")
 
     def _write(self, name: str, text: str) -> None:
         with disk(self.path / name, THEN):

@@ -1,6 +1,6 @@
 """Write a learned function as an ONNX graph: its jaxpr, primitive by primitive; what no input reaches becomes a constant."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -21,6 +21,7 @@ _LIKE_OURS = {
     "and": "And", "or": "Or", "not": "Not", "stop_gradient": "Identity", "copy": "Identity",
 }
 # fmt: on
+_CALLS = ("jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call", "checkpoint")  # of a function within, once
 _REDUCTIONS = {"reduce_sum": "ReduceSum", "reduce_max": "ReduceMax", "reduce_min": "ReduceMin", "reduce_prod": "ReduceProd"}
 
 
@@ -91,15 +92,16 @@ class _Graph:
         for equation in jaxpr.eqns:
             if not needed & set(equation.outvars):
                 continue
-            values = [one.val if isinstance(one, Literal) else found[one] for one in equation.invars]
+            values = [_value(one, found) for one in equation.invars]
             outputs = self.of(equation, values)
             found.update(zip(equation.outvars, outputs, strict=True))
-        return [one.val if isinstance(one, Literal) else found[one] for one in jaxpr.outvars]
+        return [_value(one, found) for one in jaxpr.outvars]
 
     def of(self, equation: Any, values: list[Any]) -> list[Any]:
         """Put one equation into the graph, or work it out where it depends on no input."""
-        kind, inner = equation.primitive.name, equation.params.get("jaxpr", equation.params.get("call_jaxpr"))
-        if inner is not None:
+        kind = equation.primitive.name
+        if kind in _CALLS:
+            inner = equation.params.get("jaxpr", equation.params.get("call_jaxpr"))
             closed = hasattr(inner, "consts")
             return self.through(inner.jaxpr if closed else inner, inner.consts if closed else (), values)
         fixed = all(isinstance(size, int) for out in equation.outvars for size in out.aval.shape)
@@ -118,9 +120,19 @@ class _Graph:
         """Give a shape, whose sizes may be that of the batch, as a vector."""
         if all(isinstance(size, int) for size in shape):
             return _integers(shape)
+        others = [size for size in shape if not isinstance(size, int) and str(size) != BATCH]
+        if others:
+            raise ValueError(
+                f"{self.function.name} has an axis of {others[0]}, which is not written as ONNX; its StableHLO has it"
+            )
         first = self.function.inputs[0].name
         batch = self.op("Shape", Named(first), start=0, end=1)
         return self.op("Concat", *(_integers([size]) if isinstance(size, int) else batch for size in shape), axis=0)
+
+
+def _value(variable: Any, found: Mapping[Any, Any]) -> Any:
+    """Return what a variable stands for; a literal in its own type, which a plain number of Python does not have."""
+    return np.asarray(variable.val, variable.aval.dtype) if isinstance(variable, Literal) else found[variable]
 
 
 def _needed(jaxpr: Any) -> set[Any]:

@@ -63,7 +63,7 @@ def _launched(task: Callable[[Composed], int | None], config_name: str, argv: Se
     except SystemExit as stop:  # --help, and argparse's own refusals
         return stop.code if isinstance(stop.code, int) else BAD_INPUT
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # a ValueError of Hydra; `job` catches the task's
-        return complain(_in_one_line(error, argv))
+        return complain(_in_one_line(error, argv, config_name))
     except Exception as error:  # of a launcher that lost a job
         if not ran:
             raise
@@ -132,7 +132,7 @@ def _whole(word: str) -> str:
     return f'log="{value}"' if name == "log" and "," in value and value[0] not in "\"'[" else word
 
 
-def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
+def _in_one_line(error: Exception, argv: Sequence[str], command: str) -> str:
     if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
         group, _, name = error.missing_cfg_file.rpartition("/")
         return f"unknown {group} {name!r}; choose from {', '.join(hydra_settings.GROUPS.get(group, error.options))}"
@@ -142,7 +142,8 @@ def _in_one_line(error: Exception, argv: Sequence[str]) -> str:
         if of_before := old_name(key):
             return of_before
         env = next((arg.partition("=")[2] for arg in reversed(argv) if arg.startswith("env=")), hydra_settings.DEFAULT_ENV)
-        return f"unknown setting {key}; choose from {', '.join(hydra_settings.choices(key.rpartition('.')[0], env))}"
+        known = hydra_settings.choices(key.rpartition(".")[0], env, command)
+        return f"unknown setting {key}; choose from {', '.join(known)}"
     if isinstance(error, OverrideParseException):
         return unreadable(str(error.override))
     if "Config group override" in str(error):  # a number where a name is needed

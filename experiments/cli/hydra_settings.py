@@ -115,9 +115,12 @@ def _register_run() -> None:
         every.store(group="method", name=method, node={"method": method}, package="_global_")
 
 
-def choices(group: str, env: str) -> list[str]:
-    """List the settings within a group, such as "" (the top), "env" or "train.ppo"."""
-    names: dict[str, list[str]] = {"": [field.name for field in fields(RunSettings)] + ["env", "train", "scale"]}
+def choices(group: str, env: str, command: str) -> list[str]:
+    """List the settings of a command within a group, such as "" (the top), "env" or "train.ppo"."""
+    node = ConfigStore.instance().repo[f"{command}.yaml"].node
+    groups = [name for default in node.defaults if default != "_self_" for name in default if name in GROUPS]
+    own = [str(name) for name in node if name not in ("defaults", "hydra")]
+    names: dict[str, list[str]] = {"": list(dict.fromkeys([*own, *groups]))}
     names |= _nested("env", ENVS[env].options()) if env in ENVS else {"env": list(ENVS)}
     names |= _nested("train", TrainConfig())
     return names.get(group, names[""])

@@ -30,11 +30,11 @@ def parse(words: Sequence[str], default: T, about: str | None) -> T:
         name, equals, text = word.partition("=")
         if not equals:
             raise ValueError(f"cannot read {word!r}; write NAME=VALUE")
-        overrides[name] = text if name in texts else _value(word, text)
+        overrides[name] = text if name in texts else value_of(word, text)
     return updated(default, overrides)
 
 
-def _value(word: str, text: str) -> Any:
+def value_of(word: str, text: str) -> Any:
     """Read true, false, a number, or a list or group as YAML writes them; anything else is a text."""
     if _WHOLE.fullmatch(text):
         return int(text)

@@ -63,6 +63,18 @@ def parsed_by_expert(words: list[str]) -> int:
         return expert.main(words)
 
 
+def parsed_by_search(words: list[str]) -> int:
+    from aircl_jax.settings.train_config import TrainConfig
+    from aircl_jax.tuning.ranges import read_ranges
+    from experiments import search
+
+    def understood(composed: Composed, ranges: Any) -> int:
+        return bool(read_ranges(ranges, TrainConfig())) - 1
+
+    with mock.patch.object(search, "run", understood):
+        return search.main(words)
+
+
 def parsed_by(module: str) -> Callable[[list[str]], int]:
     """For a command without Hydra: its words against its `Settings`."""
 
@@ -78,6 +90,7 @@ def parsed_by(module: str) -> Callable[[list[str]], int]:
 UNDERSTOOD = {
     "experiments.run": parsed_by_run,
     "experiments.expert": parsed_by_expert,
+    "experiments.search": parsed_by_search,
     "experiments.recovery": parsed_by("experiments.recovery"),
     "experiments.table1": parsed_by("experiments.table1"),
     "experiments.accelerator": parsed_by("experiments.accelerator"),
@@ -185,3 +198,4 @@ def test_the_python_of_the_guide_runs_from_top_to_bottom(tmp_path, monkeypatch):
     assert names["small"].summary["metrics"]["feasibility_auroc"]["mean"] is not None
     assert "loss_reward_decay" in names["small"].history
     assert 0 < names["unconstrained"] < 1
+    assert len(names["found"].trials) == 2 and names["found"].has_defaults

@@ -26,6 +26,7 @@ OWN = {
     "card.json",
     "card.md",
     "recovered.npz",
+    "plans.json",
     "figures",
 }
 

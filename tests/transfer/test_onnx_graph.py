@@ -71,9 +71,26 @@ def test_what_a_graph_is_made_of_does_as_jax(name):
     assert difference(got, function.call(*inputs)) <= 1e-6
 
 
-def test_what_is_not_written_is_named():
-    with pytest.raises(ValueError, match="probe uses sort, which is not written as ONNX"):
-        onnx_model(of_one(lambda x: jnp.sort(x)[0], (4,)))
+def running_sum(x):
+    return jax.lax.scan(lambda carry, one: (carry + one, carry * one), 0.0, x)[0]
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda x: jnp.sort(x)[0], "probe uses sort, which is not written as ONNX"),
+        (running_sum, "probe uses scan, which is not written as ONNX"),  # whose body is no function called once
+    ],
+)
+def test_what_is_not_written_is_named(call, said):
+    with pytest.raises(ValueError, match=said):
+        onnx_model(of_one(call, (4,)))
+
+
+def test_an_axis_of_twice_the_batch_is_named():
+    twice = of_one(lambda x: x.sum(), (4,))._replace(call=lambda x: jnp.concatenate([x, x]).reshape(-1, 2).sum(axis=1))
+    with pytest.raises(ValueError, match=r"probe has an axis of 4\*b, which is not written as ONNX"):
+        onnx_model(twice)
 
 
 def test_a_wrong_graph_is_refused():
