@@ -43,9 +43,9 @@ def over_seeds(of: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def in_groups(of: Callable[..., Any], *batched: Any) -> Any:
-    """Call `of`, a function of seeds on the leading axis of all its arguments, on groups of them; join what it returns on the host.
+    """Call `of`, a function of seeds on the leading axis of all its arguments, on groups of them; up to GROUP are one call.
 
-    Up to GROUP seeds are one call.
+    What it returns is joined on the host.
     """
     number = len(jax.tree.leaves(batched)[0])
     if number <= GROUP:
