@@ -37,9 +37,13 @@ def sharded(columns: Mapping[str, np.ndarray], weight: Float[np.ndarray, " N"]) 
         return {**rows, "weight": cut(weight, np.zeros(1))}
 
 
-@partial(jax.custom_vjp, nondiff_argnums=(0,))
 def summed(term: Callable[[Any, Rows], Float[Array, ""]], parameters: Any, rows: Rows) -> Float[Array, ""]:
     """Σ over the shards of term(parameters, shard). The gradient is of the parameters alone."""
+    return jnp.asarray(_summed(term, parameters, rows))
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _summed(term: Callable[[Any, Rows], Float[Array, ""]], parameters: Any, rows: Rows) -> Float[Array, ""]:
     return _over_shards(term, parameters, rows)
 
 
@@ -51,7 +55,7 @@ def _gradient(_: Any, gradient: Any, of_sum: Float[Array, ""]) -> tuple[Any, Non
     return jax.tree.map(lambda leaf: of_sum * leaf, gradient), None
 
 
-summed.defvjp(_with_gradient, _gradient)
+_summed.defvjp(_with_gradient, _gradient)
 
 
 def _over_shards(of: Callable[[Any, Rows], Any], parameters: Any, rows: Rows) -> Any:

@@ -139,7 +139,8 @@ def _same(written: np.ndarray, read: np.ndarray) -> bool:
     """Compare by bytes, because NaN is not equal to itself."""
     if written.shape != read.shape or written.dtype != read.dtype:
         return False
-    return np.array_equal(*(np.ascontiguousarray(array).reshape(-1).view(np.uint8) for array in (written, read)))
+    one, other = (np.ascontiguousarray(array).reshape(-1).view(np.uint8) for array in (written, read))
+    return np.array_equal(one, other)
 
 
 def _typed(array: np.ndarray, dtype: Any) -> jax.Array:

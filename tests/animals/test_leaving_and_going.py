@@ -1,5 +1,7 @@
 """The likelihoods of leaving and of where to go equal naive float64 numpy, in value and in gradient, and fits end at rest."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +26,7 @@ def some_weights(choices: Choices, seed: int = 0) -> Weights:
     return Weights(*(draws.normal(size=shape) for shape in shapes))
 
 
-def data_of(choices: Choices, weight: np.ndarray) -> dict[str, np.ndarray]:
+def data_of(choices: Choices, weight: np.ndarray) -> dict[str, Any]:
     names = ("situation", "field", "returning", "joining", "left", "chosen", "possible")
     ridge = {f"ridge_{name}": value for name, value in choices.ridge._asdict().items()}
     return {"rows": sharded({name: getattr(choices, name) for name in names}, weight), **ridge}
