@@ -12,6 +12,7 @@ from aircl_jax.analysis import exact
 from aircl_jax.analysis.episodes import ONCE
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
+from aircl_jax.runs.seeds import in_groups
 from aircl_jax.types import TrainState, Trajectory
 from envs import Tabular
 
@@ -26,7 +27,7 @@ class Entries(NamedTuple):
 def entries_of(networks: Networks, states: TrainState, expert: Trajectory, table: Tabular) -> Entries:
     """Count entries by what was learned, in rows that test them; `expert` is [S, N, T, …]."""
     run = jax.jit(jax.vmap(partial(_entries, networks, table)), compiler_options=ONCE)
-    return Entries(*jax.device_get(run(states, expert)))
+    return Entries(*in_groups(run, states, expert))
 
 
 def slopes(result: Result) -> Float[np.ndarray, "S P"]:

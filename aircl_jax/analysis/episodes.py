@@ -14,10 +14,12 @@ from aircl_jax.demonstrations.soft_optimal import occupancy, plan_expert
 from aircl_jax.model.feasibility import log_step_feasibility
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
+from aircl_jax.runs.seeds import in_groups
 from aircl_jax.types import FeasibilityScores, TrainState, Trajectory
 from envs import Env, SoftOptimalExpert, Tabular
 
 MAX_EPISODES = 200  # fresh episodes of each seed's policy: enough for a picture
+MOST_EPISODES = 10_000  # of all seeds together: beyond 50 seeds each has fewer
 ONCE = {"xla_backend_optimization_level": 0}  # for small programs that run once: compiles faster
 KEY_FIGURES = 1  # folded into a state's key, so that the episodes differ from the evaluation's
 
@@ -41,16 +43,17 @@ class GridEvidence(NamedTuple):
 
 
 def gather(result: Result) -> Evidence:
-    """Roll out π, score its episodes and draw q, all seeds at once."""
-    one_seed = partial(_evidence, result.networks, min(MAX_EPISODES, result.spec.config.num_evaluation))
+    """Roll out π, score its episodes and draw q."""
+    number = min(MAX_EPISODES, result.spec.config.num_evaluation, max(1, MOST_EPISODES // len(result.spec.seeds)))
     options = ONCE if result.spec.env.tabular is not None else None
-    run = jax.jit(jax.vmap(one_seed, (0, None)), compiler_options=options)
-    return Evidence(*jax.device_get(run(result.states, result.reference)))
+    run = jax.jit(jax.vmap(partial(_evidence, result.networks, number), (0, None)), compiler_options=options)
+    return Evidence(*in_groups(lambda states: run(states, result.reference), result.states))
 
 
 def gather_grid(result: Result, table: Tabular) -> GridEvidence:
     """Make the maps of a one-hot world; demonstrations from a file or from recordings stand for the exact expert."""
-    maps = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)), compiler_options=ONCE)(result.states)
+    of_seeds = jax.jit(jax.vmap(partial(_grid_maps, result.networks, table)), compiler_options=ONCE)
+    maps = in_groups(of_seeds, result.states)
     planner = result.spec.env.expert
     if result.spec.own is None and isinstance(planner, SoftOptimalExpert):
         seen = jax.jit(partial(_expert_occupancy, result.spec.env, planner), compiler_options=ONCE)()
@@ -71,11 +74,11 @@ class LearnedTables(NamedTuple):
 
 def learned_tables(networks: Networks, states: TrainState, table: Tabular) -> LearnedTables:
     """Evaluate the learned functions on every state, action and step of a finite world."""
-    of_steps = jax.jit(jax.vmap(partial(_tables, networks, table)), compiler_options=ONCE)(states)
+    of_steps = in_groups(jax.jit(jax.vmap(partial(_tables, networks, table)), compiler_options=ONCE), states)
     of_states = (None, None)
     if networks.method.state_reward:
-        of_states = jax.jit(jax.vmap(partial(_state_rewards, networks, table)), compiler_options=ONCE)(states)
-    return LearnedTables(*jax.device_get((*of_steps, *of_states)))
+        of_states = in_groups(jax.jit(jax.vmap(partial(_state_rewards, networks, table)), compiler_options=ONCE), states)
+    return LearnedTables(*of_steps, *of_states)
 
 
 def infeasible(trajectories: Trajectory) -> Bool[np.ndarray, "*S N"]:

@@ -13,6 +13,7 @@ from scipy.stats import rankdata
 from aircl_jax.analysis.episodes import ONCE, gather_grid
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.result import Result
+from aircl_jax.runs.seeds import in_groups
 from aircl_jax.types import TrainState
 from envs import Codes, Tabular
 from envs.animals.account import LEAST_SEEN
@@ -33,7 +34,8 @@ class Recovered(NamedTuple):
 def recover(result: Result, table: Tabular) -> Recovered:
     """Evaluate the learned functions on all pairs of a world whose observations are one-hot."""
     found, expert, method = gather_grid(result, table), result.expert, result.spec.method
-    log_policy = jax.jit(jax.vmap(partial(_log_policy, result.networks)), compiler_options=ONCE)(result.states)
+    of_seeds = jax.jit(jax.vmap(partial(_log_policy, result.networks)), compiler_options=ONCE)
+    log_policy = in_groups(of_seeds, result.states)
     first = np.asarray(expert.obs[0]).argmax(axis=-1), np.asarray(expert.action[0])
     seen = np.zeros(found.reward.shape[1:], dtype=np.int64)
     np.add.at(seen, first, np.asarray(expert.mask[0]).astype(np.int64))
@@ -42,7 +44,7 @@ def recover(result: Result, table: Tabular) -> Recovered:
     return Recovered(
         reward=found.reward - centre[:, None, None] if method.learns_reward else unknown,
         delta=found.step_delta if method.tests_steps else unknown,
-        log_policy=np.asarray(log_policy),
+        log_policy=log_policy,
         seen=seen,
     )
 

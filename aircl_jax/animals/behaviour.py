@@ -4,16 +4,19 @@ log π(c' | x) = log(1 − h(x)) where c' = c, else log h(x) + log softmax_{poss
 The two parts share no parameter, so each is fitted alone; both problems are convex.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from aircl_jax.animals import features as of_step
 from aircl_jax.animals.features import LEAVING, Features
-from aircl_jax.animals.going import MODEL, Choices, Weights, choices_of, fit_going, log_going
-from aircl_jax.animals.leaving import fit_leaving, log_leaving
-from envs.animals.full.steps import NONE, Recordings
+from aircl_jax.animals.going import MODEL, Choices, Weights, choices_of, fit_going
+from aircl_jax.animals.leaving import Known, fit_leaving
+from envs.animals.full.observation import OLDEST
+from envs.animals.full.steps import COMPANY, NONE, Recordings
+from envs.animals.rows.cells import cells_of
 
 TEMPO = "tempo"  # the group of columns that depends on which recordings are trained on
 
@@ -22,16 +25,17 @@ class Design(NamedTuple):
     """Everything that is known at every step and change of one data set, as columns."""
 
     recordings: Recordings
-    columns: Features  # of leaving, but for tempo
+    cells: Features  # [G] of leaving, but for tempo
+    cell: Int[np.ndarray, " N"]  # of every step
     has_tempo: bool
     choices: Choices
     left: Bool[np.ndarray, " N"]
 
-    def leaving(self, trained: Bool[np.ndarray, " R"]) -> Features:
+    def leaving(self, trained: Bool[np.ndarray, " R"]) -> Known:
         """Compute the columns of leaving; the rates that tempo compares with are the trained recordings'."""
-        if not self.has_tempo:
-            return self.columns
-        return of_step.joined([self.columns, of_step.tempo(self.recordings, trained)])
+        if self.has_tempo:
+            return Known(self.cells, self.cell, of_step.tempo(self.recordings, trained))
+        return Known(self.cells, self.cell, of_step.named(np.zeros((len(self.cell), 0)), (), 1.0))
 
 
 class Behaviour(NamedTuple):
@@ -40,14 +44,6 @@ class Behaviour(NamedTuple):
     leaving: Float[np.ndarray, " K"]
     leaving_names: tuple[str, ...]
     going: Weights
-
-
-class Prediction(NamedTuple):
-    """Of every step: log-probability of staying or leaving as it did, of going where it went (0 where it stayed), and h."""
-
-    whether: Float[np.ndarray, " N"]
-    where: Float[np.ndarray, " N"]
-    hazard: Float[np.ndarray, " N"]
 
 
 def leaving_groups(recordings: Recordings) -> tuple[str, ...]:
@@ -60,30 +56,41 @@ def design(
 ) -> Design:
     """Compute the columns of these groups, by default of all that the tables allow; `strength` multiplies every ridge."""
     groups = leaving_groups(recordings) if leaving is None else leaving
-    columns = of_step.leaving_features(recordings, [name for name in groups if name != TEMPO])
+    columns, cell = leaving_cells(recordings, [name for name in groups if name != TEMPO])
     choices = choices_of(recordings, going)
     return Design(
         recordings,
         columns._replace(ridge=columns.ridge * strength),
+        cell,
         TEMPO in groups,
         choices._replace(ridge=Weights(*(strength * part for part in choices.ridge))),
         recordings.steps.code != recordings.steps.following,
     )
 
 
+def leaving_cells(recordings: Recordings, groups: Sequence[str]) -> tuple[Features, Int[np.ndarray, " N"]]:
+    """Compute the columns of these groups once for all steps that look the same, and number each step's cell."""
+    steps = recordings.steps
+    seen = steps._replace(age=np.minimum(steps.age, OLDEST))
+    cells = cells_of(seen.columns(("code", "age", "unseen", "previous", "place", *COMPANY)))
+    at = recordings._replace(steps=steps.take(cells.first))
+    return of_step.leaving_features(at, groups), cells.of
+
+
 def fit(
     columns: Design,
+    leaving: Known,
     trained: Bool[np.ndarray, " R"],
     rows: Bool[np.ndarray, " N"] | None = None,
     start: Behaviour | None = None,
 ) -> Behaviour:
-    """Fit both parts to the `trained` recordings, to all their steps or to the `rows` alone."""
+    """Fit both parts to the `trained` recordings, whose columns of leaving are given, to all their steps or to `rows` alone."""
     use = trained[columns.recordings.steps.recording].astype(np.float64)
     if rows is not None:
-        use = use * rows
-    leaving = columns.leaving(trained)
+        use *= rows
     weights = fit_leaving(leaving, columns.left, use, None if start is None else start.leaving)
-    going = fit_going(columns.choices, use[columns.choices.step], None if start is None else start.going)
+    of_rows = columns.choices.weighed(use[columns.choices.change])
+    going = fit_going(columns.choices, of_rows, None if start is None else start.going)
     return Behaviour(weights, leaving.names, going)
 
 
@@ -104,15 +111,7 @@ def begun_at(recordings: Recordings) -> Float[np.ndarray, "P C"]:
     steps, has_places = recordings.steps, "places" not in recordings.lacks
     changed = steps.code != steps.following
     begun = np.zeros((max(len(recordings.places), 1) if has_places else 1, len(recordings.names)))
-    where = steps.place if has_places else np.zeros_like(steps.place)
-    here = changed & (where != NONE)
-    np.add.at(begun, (where[here], steps.following[here]), 1.0)
+    here = np.flatnonzero(changed & (steps.place != NONE) if has_places else changed)
+    where = steps.place[here] if has_places else np.zeros(len(here), np.int64)
+    np.add.at(begun, (where, steps.following[here]), 1.0)
     return begun
-
-
-def predict(columns: Design, behaviour: Behaviour, trained: Bool[np.ndarray, " R"]) -> Prediction:
-    """Compute the log-probability of what every animal did at every step."""
-    whether, hazard = log_leaving(columns.leaving(trained), behaviour.leaving, columns.left)
-    where = np.zeros(len(whether))
-    where[columns.choices.step] = log_going(columns.choices, behaviour.going)
-    return Prediction(whether, where, hazard)

@@ -73,6 +73,8 @@ def avoided_changes(
 ) -> Changes:
     """Fit where animals go with no effect of the pair, flag the pairs made too rarely, and fit anew without these.
 
+    `weight` says how many changes each row of the choices stands for.
+
     M_cc' = Σ over the changes out of c of P(c' | place, neighbours, …), each pair as if it alone were not forbidden.
     """
     size = choices.possible.shape[1]
@@ -86,7 +88,7 @@ def avoided_changes(
         flagged = (expit(found.log_bayes + log_odds) > FLAGGED) & possible
         found = _one_round(choices, weight, made, flagged, found.weights, scatter)
     steps = recordings.steps
-    recording, animal = (array[choices.step] for array in (steps.recording, steps.track))
+    recording, animal = (column[choices.step] for column in (steps.recording, steps.track))
     return Changes(
         made,
         found.expected,
@@ -135,7 +137,7 @@ def ruled_out(choices: Choices, flagged: Bool[np.ndarray, "C C"]) -> Choices:
 
 
 def ordinary_share(choices: Choices, weights: Weights, flagged: Bool[np.ndarray, "C C"]) -> Float[np.ndarray, "n C"]:
-    """Compute P(c' | x) at every change: flagged codes do not compete, but each as if it alone were ordinary."""
+    """Compute P(c' | x) at every row of changes: flagged codes do not compete, but each as if it alone were ordinary."""
     values = utility(choices, weights)
     barred = flagged[choices.left]
     competing = np.where(choices.possible & ~barred, values, -np.inf)
@@ -181,16 +183,16 @@ def judge_on_halves(choices: Choices, recordings: Recordings, halves: int = 6) -
 
     `never made` are the pairs of which .5 or more were expected, none was made, and that were not flagged.
     """
-    recording = recordings.steps.recording[choices.step]
+    recording, times = recordings.steps.recording[choices.step], choices.times
     draws = np.random.default_rng(0)
     totals: dict[str, list[tuple[float, float, float]]] = {"flagged": [], "never made, not flagged": []}
     for _ in range(halves):
         order = draws.permutation(len(recordings.recordings))
-        first = np.isin(recording, order[: len(order) // 2]).astype(np.float64)
+        first = times * np.isin(recording, order[: len(order) // 2])
         found = avoided_changes(choices, recordings, first)
         weights = fit_ordinary(choices, first, found.flagged)
         share = ordinary_share(choices, weights, found.flagged)
-        other = 1.0 - first
+        other = times - first
         expected = expected_times(choices, share, other)
         made = np.zeros_like(expected)
         np.add.at(made, (choices.left, choices.chosen), other)

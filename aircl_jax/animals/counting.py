@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from envs.animals.full.steps import Recordings
 
@@ -12,12 +12,12 @@ BACK_OFF = (3.0, 10.0, 30.0, 100.0)  # pseudo-counts of a richer context
 FIRST = 2.5  # pseudo-count of the code alone, spread over all codes
 
 
-def counts_by_recording(recordings: Recordings, weight: Float[np.ndarray, " N"]) -> Float[np.ndarray, "R C C"]:
+def counts_by_recording(recordings: Recordings, weight: Shaped[np.ndarray, " N"]) -> Float[np.ndarray, "R C C"]:
     """Count the steps from code to code in each recording, each by its weight."""
     steps, size = recordings.steps, len(recordings.names)
-    counts = np.zeros((len(recordings.recordings), size, size))
-    np.add.at(counts, (steps.recording, steps.code, steps.following), weight)
-    return counts
+    shape = (len(recordings.recordings), size, size)
+    change = (steps.recording.astype(np.int64) * size + steps.code) * size + steps.following
+    return np.bincount(change, weight, minlength=shape[0] * size * size).reshape(shape)
 
 
 def smoothed_chain(

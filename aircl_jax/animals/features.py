@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from envs.animals.full.observation import OLDEST
 from envs.animals.full.steps import Lack, Recordings
@@ -54,7 +54,7 @@ def somebody(recordings: Recordings) -> Float[Numbers, "N B"]:
     return ((steps.close_doing + steps.distant_doing)[:, :-1] > 0) * 1.0
 
 
-def doing_the_same(recordings: Recordings, doing: Float[Numbers, "N B"]) -> Bool[Numbers, " N"]:
+def doing_the_same(recordings: Recordings, doing: Shaped[Numbers, "N B"]) -> Bool[Numbers, " N"]:
     """Mark the steps at which a neighbour shows the behaviour of the animal itself."""
     xp = doing.__array_namespace__()
     own = xp.asarray(recordings.behaviour_of)[recordings.steps.code]
@@ -95,7 +95,7 @@ def _place(recordings: Recordings) -> Features:
 def _company(recordings: Recordings) -> Features:
     steps = recordings.steps
     xp = steps.close.__array_namespace__()
-    values = xp.stack([xp.log1p(steps.close), xp.log1p(steps.distant)], axis=1)
+    values = xp.stack([xp.log1p(steps.close * 1.0), xp.log1p(steps.distant * 1.0)], axis=1)
     return named(values, ["log number close", "log number distant"], 1.0)
 
 

@@ -16,7 +16,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from aircl_jax.animals.features import Features, Numbers, joined, named, one_hot, somebody
 from aircl_jax.animals.minimise import minimise
-from envs.animals.full.steps import NONE, Lack, Recordings, Steps, possible_changes
+from aircl_jax.animals.shards import sharded, summed
+from envs.animals.full.steps import COMPANY, NONE, Lack, Recordings, possible_changes
+from envs.animals.rows.cells import cells_of
 
 YOUNG = 3  # rows: a change back after so short a bout is an interruption
 GROUPS: dict[str, tuple[Lack, ...]] = {
@@ -45,9 +47,14 @@ class Weights(NamedTuple):
 
 
 class Choices(NamedTuple):
-    """The changes as the model sees them, one a row, and its ridges; arrays of NumPy, or of JAX in a policy."""
+    """The changes as the model sees them, and its ridges; arrays of NumPy, or of JAX in a policy.
 
-    step: Int[Numbers, " n"]  # index into the steps
+    Changes of one animal in one recording that look the same are one row.
+    """
+
+    change: Int[Numbers, " m"]  # index into the steps of every change
+    row: Int[Numbers, " m"]  # of each change
+    step: Int[Numbers, " n"]  # index into the steps of one change of each row
     situation: Float[Numbers, "n J"]
     field: Float[Numbers, "n C F"]
     returning: Float[Numbers, "n C"]  # 1 at the activity before the present one
@@ -59,23 +66,39 @@ class Choices(NamedTuple):
     situations: tuple[str, ...]  # names of T's rows
     fields: tuple[str, ...]
 
+    @property
+    def times(self) -> Float[np.ndarray, " n"]:
+        """How many changes each row stands for."""
+        return self.weighed(np.ones(len(self.row)))
+
+    def weighed(self, weight: Float[np.ndarray, " m"]) -> Float[np.ndarray, " n"]:
+        """Sum the weights of the changes of each row."""
+        return np.bincount(self.row, weight, minlength=len(self.step))
+
 
 def going_loss(weights: Weights, data: Mapping[str, Any]) -> Float[Array, ""]:
-    """−Σ_n v_n log π(c'_n | x_n, change) + ½ Σ λ θ², v the weight of a change."""
-    values = _utility(weights, *(data[name] for name in SEEN))
-    logits = jnp.where(data["possible"], values, -jnp.inf)
-    chosen = jnp.take_along_axis(values, data["chosen"][:, None], axis=1)[:, 0]
-    nats = jax.nn.logsumexp(logits, axis=1) - chosen
+    """−Σ_n v_n log π(c'_n | x_n, change) + ½ Σ λ θ², v the weight of a row of changes."""
     penalty = sum(jnp.sum(data[f"ridge_{name}"] * part**2) for name, part in weights._asdict().items())
-    return data["weight"] @ nats + 0.5 * penalty
+    return summed(_nats, weights, data["rows"]) + 0.5 * penalty
+
+
+def _nats(weights: Weights, rows: Mapping[str, Any]) -> Float[Array, ""]:
+    values = _utility(weights, *(rows[name] for name in SEEN))
+    logits = jnp.where(rows["possible"], values, -jnp.inf)
+    chosen = jnp.take_along_axis(values, rows["chosen"][:, None], axis=1)[:, 0]
+    return rows["weight"] @ (jax.nn.logsumexp(logits, axis=1) - chosen)
 
 
 def choices_of(recordings: Recordings, groups: Sequence[str]) -> Choices:
-    """Describe every change by the parts of GROUPS that are named and that the tables have columns for."""
+    """Describe the changes by the parts of GROUPS that are named and that the tables have columns for."""
     steps = recordings.steps
-    step = np.flatnonzero(steps.code != steps.following)
-    here = recordings._replace(steps=Steps(*(column[step] for column in steps)))
-    return alternatives(here, groups)._replace(step=step)
+    change = np.flatnonzero(steps.code != steps.following)
+    made = steps.take(change)
+    made = made._replace(age=made.age <= YOUNG)  # all that is asked of it
+    names = ("recording", "track", "code", "following", "previous", "age", "place", "site", *COMPANY)
+    cells = cells_of(made.columns(names))
+    here = recordings._replace(steps=steps.take(change[cells.first]))
+    return alternatives(here, groups)._replace(change=change, row=cells.of, step=change[cells.first])
 
 
 def alternatives(recordings: Recordings, groups: Sequence[str]) -> Choices:
@@ -85,8 +108,11 @@ def alternatives(recordings: Recordings, groups: Sequence[str]) -> Choices:
     xp = steps.code.__array_namespace__()
     situation, fields = joined(list(_situations(recordings, used))), dict(_fields(recordings, used))
     joins, returns = ("neighbours' behaviour" in used) * 1.0, ("return" in used) * 1.0
+    every = xp.arange(len(steps.code))
     return Choices(
-        step=xp.arange(len(steps.code)),
+        change=every,
+        row=every,
+        step=every,
         situation=situation.values,
         field=xp.stack([*fields.values()], axis=-1) if fields else xp.zeros((len(steps.code), size, 0)),
         returning=one_hot(steps.previous, size) * returns,
@@ -110,7 +136,7 @@ def _situations(recordings: Recordings, used: Sequence[str]) -> Iterator[Feature
     if "site" in used:
         yield named(one_hot(steps.site, len(recordings.sites)), [f"camera {name}" for name in recordings.sites], 3.0)
     if "company" in used:
-        yield named(xp.log1p(steps.close)[:, None], ["log number close"], 3.0)
+        yield named(xp.log1p(steps.close * 1.0)[:, None], ["log number close"], 3.0)
     if "other groups" in used:
         yield named((steps.close_doing[:, -1:] > 0) * 1.0, ["one of another group close"], 1.0)
 
@@ -124,7 +150,7 @@ def _fields(recordings: Recordings, used: Sequence[str]) -> Iterator[tuple[str, 
         yield "moving to where it is", ((destination == steps.place[:, None]) & (destination != NONE)) * 1.0
     if "neighbours' behaviour" in used:
         for name, counts in (("close", steps.close_doing), ("distant", steps.distant_doing)):
-            shown = _by_code(recordings, counts[:, :-1])
+            shown = _by_code(recordings, counts[:, :-1] * 1.0)
             yield f"log number {name} that do it", xp.log1p(shown)
             yield f"any {name} one does it", (shown > 0) * 1.0
     if "return" in used:
@@ -141,19 +167,19 @@ def _by_code(recordings: Recordings, counts: Float[Numbers, "n B"]) -> Float[Num
 
 
 def fit_going(choices: Choices, weight: Float[np.ndarray, " n"], start: Weights | None = None) -> Weights:
-    """Find the weights of least loss."""
+    """Find the weights of least loss; `weight` is of the rows."""
     size = choices.possible.shape[1]
     zero = Weights(
         np.zeros((choices.situation.shape[1], size)), np.zeros(choices.field.shape[2]), np.zeros(size), np.zeros(size)
     )
     names = (*SEEN, "chosen", "possible")
     ridge = {f"ridge_{name}": value for name, value in choices.ridge._asdict().items()}
-    data = {**{name: getattr(choices, name) for name in names}, **ridge, "weight": weight}
+    data = {"rows": sharded({name: getattr(choices, name) for name in names}, weight), **ridge}
     return Weights(*map(np.asarray, minimise(going_loss, zero if start is None else start, data)[0]))
 
 
 def utility(choices: Choices, weights: Weights) -> Float[Numbers, "n C"]:
-    """Compute u(x, c') of every change."""
+    """Compute u(x, c') of every row."""
     return _utility(weights, *(getattr(choices, name) for name in SEEN))
 
 
@@ -163,7 +189,7 @@ def _utility(weights: Weights, situation: Any, field: Any, returning: Any, joini
 
 
 def log_going(choices: Choices, weights: Weights, offset: Float[np.ndarray, "C C"] | float = 0.0) -> Float[np.ndarray, " n"]:
-    """Compute log π(c' | x, change) of every change that was made; `offset` is added to u by pair of codes."""
+    """Compute log π(c' | x, change) of every row of changes that were made; `offset` is added to u by pair of codes."""
     by_pair = np.broadcast_to(offset, choices.possible.shape[1:] * 2)
     values = utility(choices, weights) + by_pair[choices.left]
     values = np.where(choices.possible, values, -np.inf)

@@ -6,22 +6,48 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy import stats
 
-from aircl_jax.animals.behaviour import Behaviour, Design, Prediction, fit, predict
+from aircl_jax.animals.behaviour import Design, fit
 from aircl_jax.animals.counting import counts_by_recording, smoothed_chain
-from envs.animals.full.steps import Recordings
+from aircl_jax.animals.going import log_going
+from aircl_jax.animals.leaving import log_leaving
+from envs.animals.full.steps import Recordings, Steps
 
 MOST_FOLDS = 10
 RESAMPLES = 4000
 AGES = ((1, 1), (2, 2), (3, 5), (6, 10), (11, 20), (21, 40), (41, 80), (81, None))  # rows; classes of the calibration
 
 
-class HeldOut(NamedTuple):
-    """Every step's prediction by the model and by the chain of the folds that do not hold its recording."""
+class Nats(NamedTuple):
+    """Sums over the judged steps of each recording: log-probabilities of staying or leaving as it did, and of where it went."""
 
-    model: Prediction
-    chain: Prediction
-    fold: Int[np.ndarray, " N"]
-    rows: Bool[np.ndarray, " N"]  # the steps that were fitted to and are judged
+    whether: Float[np.ndarray, " R"]
+    where: Float[np.ndarray, " R"]
+
+    @property
+    def both(self) -> Float[np.ndarray, " R"]:
+        return self.whether + self.where
+
+
+class AgeClass(NamedTuple):
+    """The share that leaves among the steps of an age whose bout was seen to begin."""
+
+    first: int
+    last: int | None
+    steps: int
+    observed: float
+    chain: float
+    model: float
+
+
+class HeldOut(NamedTuple):
+    """What the model and the chain of the folds that do not hold a recording say of it."""
+
+    model: Nats
+    chain: Nats
+    fold: Int[np.ndarray, " R"]
+    steps: Float[np.ndarray, " R"]  # judged
+    changes: Float[np.ndarray, " R"]  # among them
+    ages: list[AgeClass]
 
 
 class Gain(NamedTuple):
@@ -52,36 +78,59 @@ def folds_of(recordings: Recordings) -> Int[np.ndarray, " R"]:
     return folds
 
 
-def evaluate(columns: Design, rows: Bool[np.ndarray, " N"] | None = None) -> tuple[HeldOut, list[Behaviour]]:
-    """Fit on all but one fold in turn and predict that fold; the chain is fitted to the same steps."""
-    steps = columns.recordings.steps
+def evaluate(columns: Design, rows: Bool[np.ndarray, " N"] | None = None) -> HeldOut:
+    """Fit on all but one fold in turn and predict that fold; the chain is fitted to the same steps, all or the `rows` alone."""
+    steps, choices = columns.recordings.steps, columns.choices
+    number, folds = len(columns.recordings.recordings), folds_of(columns.recordings)
     judged = np.ones(len(steps.code), dtype=bool) if rows is None else rows
-    folds = folds_of(columns.recordings)
-    counts = counts_by_recording(columns.recordings, judged.astype(np.float64))
-    model, chain = (Prediction(*np.zeros((3, len(steps.code)))) for _ in range(2))
-    fitted: list[Behaviour] = []
+    counts = counts_by_recording(columns.recordings, judged)
+    times, changed_in = choices.weighed(judged[choices.change] * 1.0), steps.recording[choices.step]
+    model, chain = Nats(*np.zeros((2, number))), Nats(*np.zeros((2, number)))
+    by_age, fitted = np.zeros((len(AGES), 4)), None
     for fold in range(int(folds.max()) + 1):
         trained = folds != fold
-        fitted.append(fit(columns, trained, judged, fitted[-1] if fitted else None))
-        here = ~trained[steps.recording]
-        for total, part in (
-            (model, predict(columns, fitted[-1], trained)),
-            (chain, predict_chain(columns, smoothed_chain(counts, trained)[0])),
-        ):
-            for array, values in zip(total, part, strict=True):
-                array[here] = values[here]
-    return HeldOut(model, chain, folds[steps.recording], judged), fitted
+        leaving = columns.leaving(trained)
+        fitted = fit(columns, leaving, trained, judged, fitted)
+        here = np.flatnonzero(judged & ~trained[steps.recording])
+        whether, hazard = log_leaving(leaving, fitted.leaving, columns.left, here)
+        model.whether[:] += np.bincount(steps.recording[here], whether, minlength=number)
+        where = times * ~trained[changed_in] * log_going(choices, fitted.going)
+        model.where[:] += np.bincount(changed_in, where, minlength=number)
+        log_chain = smoothed_chain(counts, trained)[0]
+        said = predict_chain(log_chain, ~trained[:, None, None] * counts)
+        chain.whether[:] += said.whether
+        chain.where[:] += said.where
+        by_age += _by_age(steps.take(here), columns.left[here], hazard, -np.expm1(np.diag(log_chain)))
+    ages = [
+        AgeClass(first, last, int(size), *(float(total / size) for total in sums))
+        for (first, last), (size, *sums) in zip(AGES, by_age, strict=True)
+        if size
+    ]
+    changes = np.bincount(changed_in, times, minlength=number)
+    return HeldOut(model, chain, folds, counts.sum(axis=(1, 2)), changes, ages)
 
 
-def predict_chain(columns: Design, log_chain: Float[np.ndarray, "C C"]) -> Prediction:
-    """Split a chain's log P(c' | c) into whether to leave and where to go."""
-    steps = columns.recordings.steps
-    stay = np.diag(log_chain)[steps.code]
+def predict_chain(log_chain: Float[np.ndarray, "C C"], counts: Float[np.ndarray, "R C C"]) -> Nats:
+    """Sum a chain's log P(c' | c) over the steps that were counted, split into whether to leave and where to go."""
+    stay = np.diag(log_chain)
     log_hazard = np.log1p(-np.exp(stay))
-    went = log_chain[steps.code, steps.following]
-    return Prediction(
-        np.where(columns.left, log_hazard, stay), np.where(columns.left, went - log_hazard, 0.0), np.exp(log_hazard)
-    )
+    stays = np.eye(len(stay), dtype=bool)
+    whether = np.where(stays, stay[:, None], log_hazard[:, None])
+    where = np.where(stays, 0.0, log_chain - log_hazard[:, None])
+    return Nats((counts * whether).sum(axis=(1, 2)), (counts * where).sum(axis=(1, 2)))
+
+
+def _by_age(
+    steps: Steps, left: Bool[np.ndarray, " Q"], hazard: Float[np.ndarray, " Q"], of_chain: Float[np.ndarray, " C"]
+) -> Float[np.ndarray, "G 4"]:
+    """Of each class of age: how many steps, how many left, and the sums of the chain's and of the model's hazard."""
+    found = []
+    for first, last in AGES:
+        here = ~steps.unseen & (steps.age >= first)
+        if last is not None:
+            here &= steps.age <= last
+        found.append((here.sum(), left[here].sum(), of_chain[steps.code[here]].sum(), hazard[here].sum()))
+    return np.array(found, np.float64)
 
 
 def over_folds(values: Float[np.ndarray, " n"], count: Float[np.ndarray, " n"], fold: Int[np.ndarray, " n"]) -> Gain:
@@ -104,31 +153,6 @@ def over_recordings(values: Float[np.ndarray, " n"], count: Float[np.ndarray, " 
 def _shares(values: Float[np.ndarray, " n"], count: Float[np.ndarray, " n"], group: Int[np.ndarray, " n"]) -> np.ndarray:
     weight = np.bincount(group, count)
     return (np.bincount(group, values) / np.maximum(weight, 1.0))[weight > 0]
-
-
-class AgeClass(NamedTuple):
-    """The share that leaves among the steps of an age whose bout was seen to begin."""
-
-    first: int
-    last: int | None
-    steps: int
-    observed: float
-    chain: float
-    model: float
-
-
-def calibration(columns: Design, held: HeldOut) -> list[AgeClass]:
-    """Compare the held-out chance of leaving with the share that left, by the age of the bout."""
-    steps = columns.recordings.steps
-    found = []
-    for first, last in AGES:
-        here = held.rows & ~steps.unseen & (steps.age >= first)
-        if last is not None:
-            here &= steps.age <= last
-        if here.any():
-            shares = (columns.left[here], held.chain.hazard[here], held.model.hazard[here])
-            found.append(AgeClass(first, last, int(here.sum()), *(float(share.mean()) for share in shares)))
-    return found
 
 
 def jackknife(leave_one_out: Float[np.ndarray, "M *K"]) -> Float[np.ndarray, "*K"]:

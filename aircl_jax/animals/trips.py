@@ -81,6 +81,8 @@ def _choices(
     unknown = ~np.isfinite(distance)
     distance = np.where(unknown, np.nanmean(distance), distance) * goes
     return Choices(
+        change=trip,
+        row=np.arange(len(trip)),
         step=trip,
         situation=one_hot(steps.site[trip], len(recordings.sites)),
         field=distance[:, :, None] if with_distance else np.zeros((len(trip), size, 0)),

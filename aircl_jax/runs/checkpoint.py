@@ -20,6 +20,7 @@ T = TypeVar("T")
 
 _CHECKSUM = "checksum.json"
 _ARRAYS = "arrays"
+_PART = 1 << 24  # bytes of a file that are read at once
 _PLAIN = re.compile(r"([A-Za-z]:)?[\w./+=,@ -]*")  # a path without letters that Orbax takes for a pattern or an address
 
 
@@ -37,14 +38,14 @@ def save(path: Path, tree: Any, notes: Mapping[str, Any]) -> None:
         with _plain_place(beside) as place:
             with _checkpointer() as checkpointer:
                 checkpointer.save(place / _ARRAYS, arrays)
-            back = _read_back(place, arrays)
+            same = all(map(_same, arrays.values(), _read_back(place, arrays)))
             if place != beside.absolute():
                 shutil.copytree(place / _ARRAYS, beside / _ARRAYS)
     except OSError:
         raise
     except Exception as error:  # TensorStore's errors of the disk are no OSErrors
         raise OSError(" ".join(str(error).split())[:200] or type(error).__name__) from error
-    if not _same(arrays, back):
+    if not same:
         raise OSError("the numbers read back are not those written")
     checksum = {"crc32": _crc32(beside / _ARRAYS, notes), "notes": notes}
     (beside / _CHECKSUM).write_text(json.dumps(checksum), encoding="utf-8")
@@ -123,23 +124,23 @@ def _restored(folder: Path) -> dict[str, np.ndarray]:
         return {name: np.asarray(leaf) for name, leaf in checkpointer.restore(folder / _ARRAYS).items()}
 
 
-def _read_back(folder: Path, names: Iterable[str]) -> dict[str, np.ndarray]:
-    """Read what was just written, in a tenth of the time that Orbax takes."""
+def _read_back(folder: Path, names: Iterable[str]) -> Iterator[np.ndarray]:
+    """Read what was just written, one array after another, in a tenth of the time that Orbax takes."""
     import tensorstore
 
     database = {"driver": "ocdbt", "base": {"driver": "file", "path": f"{(folder / _ARRAYS).as_posix()}/"}}
-    arrays = {name: {"driver": "zarr", "kvstore": {**database, "path": f"{name}/"}} for name in names}
+    arrays = [{"driver": "zarr", "kvstore": {**database, "path": f"{name}/"}} for name in names]
     once = tensorstore.Context()  # the database is opened once for all arrays
-    stores = {name: tensorstore.open(array, context=once, open=True, read=True) for name, array in arrays.items()}
-    reads = {name: store.result().read() for name, store in stores.items()}
-    return {name: np.asarray(read.result()) for name, read in reads.items()}
+    for store in [tensorstore.open(array, context=once, open=True, read=True) for array in arrays]:
+        yield np.asarray(store.result().read().result())
 
 
-def _same(written: Mapping[str, np.ndarray], read: Mapping[str, np.ndarray]) -> bool:
+def _same(written: np.ndarray, read: np.ndarray) -> bool:
     """Compare by bytes, because NaN is not equal to itself."""
-    return written.keys() == read.keys() and all(
-        written[name].shape == read[name].shape and written[name].tobytes() == read[name].tobytes() for name in written
-    )
+    if written.shape != read.shape or written.dtype != read.dtype:
+        return False
+    one, other = (np.ascontiguousarray(array).reshape(-1).view(np.uint8) for array in (written, read))
+    return np.array_equal(one, other)
 
 
 def _typed(array: np.ndarray, dtype: Any) -> jax.Array:
@@ -174,6 +175,8 @@ def _crc32(directory: Path, notes: Mapping[str, Any] | None) -> int:
     """Compute the checksum of the notes, where there are any, and of the names and bytes of every file below the directory."""
     checksum = 0 if notes is None else zlib.crc32(json.dumps(notes, sort_keys=True).encode())
     for file in sorted(path for path in directory.rglob("*") if path.is_file()):
-        name = file.relative_to(directory).as_posix()
-        checksum = zlib.crc32(file.read_bytes(), zlib.crc32(name.encode(), checksum))
+        checksum = zlib.crc32(file.relative_to(directory).as_posix().encode(), checksum)
+        with file.open("rb") as content:
+            while part := content.read(_PART):
+                checksum = zlib.crc32(part, checksum)
     return checksum

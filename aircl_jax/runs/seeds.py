@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 from jaxtyping import Array, Key
 
@@ -15,6 +16,7 @@ from aircl_jax.runs import world
 from aircl_jax.types import Metrics, TrainState
 
 SEED = PartitionSpec("seed")
+GROUP = 50  # seeds whose arrays are in memory at once where a finished run is measured and drawn
 Expert = Any  # Trajectory [S, N, T, …]: D_E of each seed, or whatever else a trainer takes in its place
 
 
@@ -38,6 +40,19 @@ def over_seeds(of: Callable[..., Any]) -> Callable[..., Any]:
     if jax.default_backend() != "cpu":
         return jax.vmap(of)
     return lambda *batched: jax.lax.map(lambda arguments: of(*arguments), batched)
+
+
+def in_groups(of: Callable[..., Any], *batched: Any) -> Any:
+    """Call `of`, a function of seeds on the leading axis of all its arguments, on groups of them; up to GROUP are one call.
+
+    What it returns is joined on the host.
+    """
+    number = len(jax.tree.leaves(batched)[0])
+    if number <= GROUP:
+        return jax.device_get(of(*batched))
+    groups = [slice(first, first + GROUP) for first in range(0, number, GROUP)]
+    parts = [jax.device_get(of(*jax.tree.map(lambda leaf, group=group: leaf[group], batched))) for group in groups]
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
 def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:

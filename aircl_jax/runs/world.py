@@ -6,8 +6,10 @@ of them must call these functions in the same order, because each waits for the 
 
 import os
 import pickle
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import jax
@@ -39,10 +41,27 @@ def join() -> None:
             process_id=int(os.environ[INDEX]) if by_hand else None,
             shutdown_timeout_seconds=PATIENCE,
         )
+        _meet_by_address()
         jax.devices()
-    except (ValueError, RuntimeError, KeyError) as error:
+    except (ValueError, RuntimeError, KeyError, OSError) as error:
         how = f"start the processes by srun or mpirun, or set {ADDRESS}, {NUMBER} and {INDEX} in each"
         raise ValueError(f"distributed=true: {described(error)}; {how}") from error
+
+
+def _meet_by_address() -> None:
+    """Let CPUs exchange arrays by the address from which this process reaches the first.
+
+    JAX takes what the host's own name means, which is often 127.0.0.1, where no other host finds it.
+    """
+    from jax._src.distributed import global_state
+    from jax._src.lib import _jax
+
+    host, _, port = str(global_state.coordinator_address).rpartition(":")
+    family, _, _, _, first = socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_DGRAM)[0]
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        probe.connect(first)
+        own = probe.getsockname()[0]
+    _jax.make_gloo_tcp_collectives = partial(_jax.make_gloo_tcp_collectives, hostname=own)
 
 
 def strangers() -> str:

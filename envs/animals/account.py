@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from envs.animals.columns import ColumnMapping
-from envs.animals.tracks import Reading
+from envs.animals.tracks import Reading, new_track
 from envs.animals.windows import Coded, Windows
 
 LEAST_SEEN = 5  # an activity or a change with fewer cases is not ranked
@@ -36,7 +36,7 @@ def account_of_steps(folder: Path, reading: Reading, coded: Coded, mapping: Colu
 
 def _read(folder: Path, reading: Reading, mapping: ColumnMapping) -> Iterator[str]:
     tracks, found = reading.tracks, reading.found
-    animals, recordings = (len(np.unique(column)) for column in (tracks.individual, tracks.recording))
+    animals, recordings = (len(column.counts()) for column in (tracks.individual, tracks.recording))
     if found.tables:
         yield f"read: {_counted(len(found.tables), 'table')} ({_named(found.tables, folder)})"
     if reading.bouts:
@@ -67,7 +67,7 @@ def _cut(windows: Windows, mapping: ColumnMapping) -> Iterator[str]:
 
 def _whole(reading: Reading, coded: Coded, mapping: ColumnMapping, steps: int) -> Iterator[str]:
     size = np.bincount(coded.segment)
-    tracks = len(set(zip(coded.tracks.recording.tolist(), coded.tracks.individual.tolist(), strict=True)))
+    tracks = 1 + int(new_track(coded.tracks).sum())
     yield (
         f"segments: {len(size):,} without a gap, of {_counted(tracks, 'track')} (an animal in a recording); "
         f"the longest has {_counted(int(size.max()), 'row')} of step {mapping.step:g}"

@@ -60,7 +60,7 @@ def load(options: LabyrinthOptions) -> Mice:
     """Load the recordings, or simulate them. Raises ValueError, in one line with the file, for an array of another form."""
     folder = data_folder(options.data, "labyrinth")
     files = () if folder is None else tuple(_file(folder, name) for name in NAMES)
-    mice = _load(files, tuple(hashlib.sha256(read_bytes(file)).hexdigest() for file in files))
+    mice = _load(files, tuple(hashlib.sha256(b"".join(read_bytes(file))).hexdigest() for file in files))
     if not 1 <= options.horizon <= mice.node.shape[1]:
         raise ValueError(f"env.horizon={options.horizon}: recordings have {mice.node.shape[1]} steps; choose 1 to that")
     return mice

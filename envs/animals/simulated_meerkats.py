@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.special import logsumexp
 
 from envs.animals.columns import load_mapping
+from envs.animals.rows.labels import Labels
 from envs.animals.tracks import Tracks
 
 MAPPING = load_mapping("meerkat")
@@ -176,7 +177,7 @@ def simulated_tracks(seed: int = 0, constrained: bool = True) -> Tracks:
         for number in range(recordings):
             start = generator.choice(home, size=TRACKS_PER_RECORDING)
             parts.append(_recording(f"simulated_{site}_{number:02d}", site, policy, start, generator))
-    return Tracks(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return Tracks.joined(parts)
 
 
 def _recording(
@@ -196,13 +197,13 @@ def _recording(
     behaviour = np.where(pup, MAPPING.no_behaviour, labels[codes])
     close = (apart < CLOSE).sum(axis=0)
     return Tracks(
-        recording=np.full(size * steps, name),
-        site=np.full(size * steps, site),
-        individual=np.repeat(np.arange(size).astype(str), steps),
-        group=np.repeat(np.where(pup, MAPPING.other_groups[0], MAPPING.groups[0]), steps),
+        recording=Labels.same(name, size * steps),
+        site=Labels.same(site, size * steps),
+        individual=Labels.of(np.repeat(np.arange(size).astype(str), steps)),
+        group=Labels.of(np.repeat(np.where(pup, MAPPING.other_groups[0], MAPPING.groups[0]), steps)),
         time=np.tile(np.arange(steps, dtype=np.float64), size),
-        behaviour=behaviour.ravel(),
-        place=np.array(PLACE_NAMES)[places].ravel(),
+        behaviour=Labels.of(behaviour.ravel()),
+        place=Labels.of(np.array(PLACE_NAMES)[places].ravel()),
         position=position.reshape(-1, 3),
         close=close.ravel(),
         distant=((apart < DISTANT).sum(axis=0) - close).ravel(),

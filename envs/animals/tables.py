@@ -4,12 +4,14 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Int
 
 SUFFIXES = (".csv", ".parquet")
+PIECE = 1 << 17  # rows of a Parquet table that are read at once
+READ = 1 << 24  # bytes of a file that are read at once
 ARCHIVE_LITTER = "__MACOSX"  # what macOS puts into a zip beside the files
 
 
@@ -22,7 +24,7 @@ class Found(NamedTuple):
 
 
 class Table(NamedTuple):
-    """One table as text, whose rows are numbered as the lines of the file: a CSV's header is row 1."""
+    """A table or a piece of one as text, whose rows are numbered as the lines of the file: a CSV's header is row 1."""
 
     file: Path
     row: Int[np.ndarray, " R"]
@@ -54,40 +56,68 @@ def contents(path: Path) -> Iterator[bytes]:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
     for file in files:
         yield str(file).encode()
-        yield read_bytes(file)
+        yield from read_bytes(file)
 
 
-def read_bytes(file: Path) -> bytes:
+def read_bytes(file: Path) -> Iterator[bytes]:
+    """Read a file part by part."""
     try:
-        return file.read_bytes()
+        with file.open("rb") as content:
+            while part := content.read(READ):
+                yield part
     except OSError as error:
         raise ValueError(f"{file}: cannot be read: {error.strerror}") from None
 
 
-def read_table(file: Path) -> Table:
-    """Read one CSV (UTF-8, any line ends) or Parquet table. Raises ValueError naming file and row where it cannot be read."""
-    return _read_parquet(file) if file.suffix.lower() == ".parquet" else _read_csv(file)
+def read_pieces(file: Path) -> Iterator[Table]:
+    """Read one table: a CSV (UTF-8, any line ends) whole, Parquet in pieces of some of its rows.
+
+    Raises ValueError naming file and row where it cannot be read.
+    """
+    if file.suffix.lower() == ".parquet":
+        yield from _read_parquet(file)
+    else:
+        yield _read_csv(file)
 
 
-def _read_parquet(file: Path) -> Table:
+def _read_parquet(file: Path) -> Iterator[Table]:
     try:
         import pandas as pd
+        import pyarrow.dataset
     except ImportError as error:
-        raise ValueError(
-            f"{file}: this needs the package pandas, which is not installed; install aircl-jax[animals]"
-        ) from error
-    try:
-        table = pd.read_parquet(file)
-        named = any(name is not None for name in table.index.names)
-        table = table.reset_index(drop=not named).astype("string")
-    except Exception as error:  # the readers of Parquet pass on errors of many kinds
-        reason = (str(error) or type(error).__name__).splitlines()[0]
-        raise ValueError(f"{file}: no readable Parquet file: {reason}") from None
-    names = [str(name) for name in table.columns]
-    columns = {
-        name: ["" if text is pd.NA else str(text) for text in table.iloc[:, place].tolist()] for place, name in enumerate(names)
-    }
-    return Table(file, np.arange(1, len(table) + 1), columns, _repeated(names))
+        needed = "pandas and pyarrow, which are not installed"
+        raise ValueError(f"{file}: this needs {needed}; install aircl-jax[animals]") from error
+    first, batches = 1, _batches(file, pyarrow.dataset)
+    while True:
+        try:
+            batch = next(batches, None)
+            if batch is None:
+                return
+            table = batch.to_pandas()
+            named = any(name is not None for name in table.index.names)
+            table = table.reset_index(drop=not named).astype("string")
+        except Exception as error:  # the readers of Parquet pass on errors of many kinds
+            reason = (str(error) or type(error).__name__).splitlines()[0]
+            raise ValueError(f"{file}: no readable Parquet file: {reason}") from None
+        names = [str(name) for name in table.columns]
+        columns = {
+            name: ["" if text is pd.NA else str(text) for text in table.iloc[:, place].tolist()]
+            for place, name in enumerate(names)
+        }
+        yield Table(file, np.arange(first, first + len(table)), columns, _repeated(names))
+        first += len(table)
+
+
+def _batches(file: Path, dataset: Any) -> Iterator[Any]:
+    """Read a Parquet file or a folder of parts, row group by row group, in batches; one without rows where there is none."""
+    folders = dataset.HivePartitioning.discover(infer_dictionary=True) if file.is_dir() else None
+    found, empty = dataset.dataset(file, format="parquet", partitioning=folders), True
+    for batch in found.to_batches(batch_size=PIECE, batch_readahead=1, fragment_readahead=1):
+        if batch.num_rows:
+            empty = False
+            yield batch
+    if empty:
+        yield found.schema.empty_table()
 
 
 def _read_csv(file: Path) -> Table:
@@ -104,7 +134,7 @@ def _read_csv(file: Path) -> Table:
 
 
 def _decoded(file: Path) -> str:
-    content = read_bytes(file)
+    content = b"".join(read_bytes(file))
     if not content.strip():
         raise ValueError(f"{file}: row 1: the file is empty")
     try:

@@ -46,9 +46,11 @@ KINDS = (
 _SHORT_CLOCK = re.compile(r"\d{1,3}:\d{2}(?:\.\d+)?", re.ASCII)
 
 
-def read_times(texts: Sequence[str], fail: Callable[[int, str], NoReturn]) -> tuple[Float[np.ndarray, " R"], Kind]:
-    """Read a column of times, all of one kind; `fail(position, what)` refuses a text."""
-    kind = _kind(texts[0])
+def read_times(
+    texts: Sequence[str], fail: Callable[[int, str], NoReturn], kind: Kind | None = None
+) -> tuple[Float[np.ndarray, " R"], Kind]:
+    """Read a column of times, all of one kind, that of the first unless it is given; `fail(position, what)` refuses a text."""
+    kind = kind or _kind(texts[0])
     times = np.empty(len(texts))
     for position, text in enumerate(texts):
         if kind is None or not kind.pattern.fullmatch(text):

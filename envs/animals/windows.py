@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from envs.animals.columns import ColumnMapping
+from envs.animals.rows.labels import Labels, small
 from envs.animals.spacing import one_step
 from envs.animals.tracks import Tracks, new_track
 
@@ -66,33 +67,34 @@ def code_rows(tracks: Tracks, mapping: ColumnMapping, coding: Coding = "bout", o
 
     Raises ValueError where no row is of the groups in use, and where the behaviour that moves is none of the rows'.
     """
-    others = np.isin(tracks.group, mapping.other_groups) if mapping.other_groups else np.zeros(len(tracks.time), dtype=bool)
-    rows = tracks if other_groups else tracks.take(~others)
-    annotated = ~others | (tracks.behaviour != mapping.no_behaviour) if other_groups else ~others
+    others = tracks.group.are(*mapping.other_groups) if mapping.other_groups else np.zeros(len(tracks.time), dtype=bool)
+    rows = tracks if other_groups or not others.any() else tracks.take(~others)
+    annotated = ~others | ~tracks.behaviour.are(mapping.no_behaviour) if other_groups else ~others
     if not annotated.any():
         raise ValueError(f"all {len(others)} rows are of other_groups, {', '.join(mapping.other_groups)}; choose other groups")
     behaviours = mapping.behaviours or _by_share(tracks.behaviour[annotated])
     if mapping.moving and mapping.moving not in behaviours:
         raise ValueError(f"moving: {mapping.moving!r} is no behaviour of the tables; choose from {', '.join(behaviours)}")
-    places = mapping.places or tuple(sorted(set(tracks.place.tolist()) - {""}))
+    places = mapping.places or tuple(sorted(set(tracks.place.counts()) - {""}))
     names = behaviours + (tuple(f"moving to {place}" for place in places) if mapping.moving else ())
     index = {name: code for code, name in enumerate(behaviours)}
     if other_groups and mapping.other_groups:
         index[mapping.no_behaviour] = len(names)
         names += (f"{'/'.join(mapping.other_groups)}: not annotated",)
-    place_index = {name: code for code, name in enumerate(places)}
-    behaviour = np.array([index[name] for name in rows.behaviour.tolist()])
-    place = np.array([place_index.get(name, STAYS) for name in rows.place.tolist()])
-    segment = np.append(0, np.cumsum(new_track(rows) | ~one_step(rows.time, mapping.step)))
-    target = _TARGETS[coding](behaviour, place, segment) if mapping.moving else np.full(len(behaviour), STAYS)
-    moving_there = (behaviour == index.get(mapping.moving, STAYS)) & (target != STAYS)
-    return Coded(rows, segment, np.where(moving_there, len(behaviours) + target, behaviour), place, names, places)
+    behaviour = rows.behaviour.recoded(index)
+    place = rows.place.recoded({name: code for code, name in enumerate(places)}, STAYS)
+    segment = np.append(np.zeros(1, np.int32), np.cumsum(new_track(rows) | ~one_step(rows.time, mapping.step), dtype=np.int32))
+    if mapping.moving:
+        target = _TARGETS[coding](behaviour, place, segment)
+        moving_there = (behaviour == index.get(mapping.moving, STAYS)) & (target != STAYS)
+        behaviour = small(np.where(moving_there, len(behaviours) + target.astype(np.int64), behaviour))
+    return Coded(rows, segment, behaviour, place, names, places)
 
 
-def _by_share(labels: Shaped[np.ndarray, " R"]) -> tuple[str, ...]:
+def _by_share(labels: Labels) -> tuple[str, ...]:
     """Order labels by falling frequency, ties by name."""
-    names, counts = np.unique(labels, return_counts=True)
-    return tuple(names[np.lexsort((names, -counts))].tolist())
+    counts = labels.counts()
+    return tuple(sorted(counts, key=lambda name: (-counts[name], name)))
 
 
 def _bout_target(
@@ -146,8 +148,8 @@ def transitions(coded: Coded) -> Transitions:
         target=coded.code[target],
         start=coded.tracks.position[source],
         end=coded.tracks.position[target],
-        recording=coded.tracks.recording[source],
-        site=coded.tracks.site[source],
+        recording=coded.tracks.recording[source].texts(),
+        site=coded.tracks.site[source].texts(),
     )
 
 
@@ -163,11 +165,11 @@ def cut_windows(coded: Coded, tracks: Tracks, horizon: int = 30) -> Windows:
     used = int((number * horizon + (number > 0)).sum())
     short = int(size[number == 0].sum())
     report = Report(
-        recordings=len(np.unique(tracks.recording)),
+        recordings=len(tracks.recording.counts()),
         rows=len(tracks.time),
         rows_of_other_groups=len(tracks.time) - len(coded.code),
         rows_without_coordinates=int(np.isnan(tracks.position[:, 0]).sum()),
-        tracks=len(set(zip(coded.tracks.recording.tolist(), coded.tracks.individual.tolist(), strict=True))),
+        tracks=1 + int(new_track(coded.tracks).sum()),
         segments=len(size),
         longest_segment=int(size.max()),
         rows_in_short_segments=short,
@@ -180,8 +182,8 @@ def cut_windows(coded: Coded, tracks: Tracks, horizon: int = 30) -> Windows:
         place=coded.place[rows],
         close=coded.tracks.close[rows],
         distant=coded.tracks.distant[rows],
-        recording=coded.tracks.recording[starts],
-        site=coded.tracks.site[starts],
+        recording=coded.tracks.recording[starts].texts(),
+        site=coded.tracks.site[starts].texts(),
         names=coded.names,
         places=coded.places,
         report=report,

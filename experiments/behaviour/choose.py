@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from aircl_jax.animals.behaviour import TEMPO, Design, design, leaving_groups
 from aircl_jax.animals.counting import counts_by_recording, smoothed_chain
 from aircl_jax.animals.going import MODEL, Weights, fit_going, log_going
-from aircl_jax.animals.held_out import folds_of, over_folds, over_recordings, predict_chain
+from aircl_jax.animals.held_out import folds_of, over_folds, over_recordings
 from aircl_jax.animals.leaving import fit_leaving, log_leaving
 from aircl_jax.animals.nested import nested_selection
 from aircl_jax.reports import markdown
@@ -35,11 +35,9 @@ def nested(recordings: Recordings) -> tuple[list[str], dict[str, Any]]:
     of_where = nested_selection(where, partial(_going, recordings, {}), folds, steps.recording)
     counts = counts_by_recording(recordings, steps.in_window.astype(np.float64))
     chain = np.zeros(len(steps.code))
-    some = next(iter(whether.values()))
     for fold in range(int(folds.max()) + 1):
         here = folds[steps.recording] == fold
-        predicted = predict_chain(some, smoothed_chain(counts, folds != fold)[0])
-        chain[here] = (predicted.whether + predicted.where)[here]
+        chain[here] = smoothed_chain(counts, folds != fold)[0][steps.code, steps.following][here]
     here = steps.in_window
     difference = (of_whether.nats + of_where.nats - chain)[here]
     every = np.ones(len(difference))
@@ -86,6 +84,6 @@ def _going(
     steps, choices = recordings.steps, variant.choices
     use = trained[steps.recording] * steps.in_window.astype(np.float64)
     nats = np.zeros(len(steps.code))
-    weights = last[id(variant)] = fit_going(choices, use[choices.step], last.get(id(variant)))
-    nats[choices.step] = log_going(choices, weights)
+    weights = last[id(variant)] = fit_going(choices, choices.weighed(use[choices.change]), last.get(id(variant)))
+    nats[choices.change] = log_going(choices, weights)[choices.row]
     return nats

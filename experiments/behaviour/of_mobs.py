@@ -51,8 +51,7 @@ def mob(seed: int) -> Mob:
 def seen_in(one: Mob, size: int, seed: int) -> Float[np.ndarray, " n"]:
     """Weight the changes by whether one of `size` random windows holds them."""
     steps = one.recordings.steps
-    change = steps.code != steps.following
-    window = steps.window[change]
+    window = steps.window[steps.code != steps.following]
     chosen = np.random.default_rng(seed).permutation(int(steps.window.max()) + 1)[:size]
     return (np.isin(window, chosen) & (window != NONE)).astype(np.float64)
 
@@ -71,8 +70,9 @@ def scores(one: Mob, found: Changes) -> dict[str, Float[np.ndarray, "C C"]]:
 
 def judged(one: Mob, size: int, seed: int, scatter: float, prior: float) -> dict[str, float]:
     """Test all changes of some windows, and compare with the truth."""
-    weight = seen_in(one, size, seed)
-    found = avoided_changes(choices_of(one.recordings, ORDINARY), one.recordings, weight, scatter, prior)
+    choices = choices_of(one.recordings, ORDINARY)
+    weight = choices.weighed(seen_in(one, size, seed))
+    found = avoided_changes(choices, one.recordings, weight, scatter, prior)
     numbers = {
         f"AUROC, {name}": _auroc(values[one.possible], one.forbidden[one.possible])
         for name, values in scores(one, found).items()
@@ -90,7 +90,8 @@ def hidden_pairs(one: Mob, size: int, seed: int) -> dict[str, float]:
 
     The test's expectation is of place and activity, counting's of how often each activity begins.
     """
-    choices, weight = choices_of(one.recordings, ORDINARY), seen_in(one, size, seed)
+    choices = choices_of(one.recordings, ORDINARY)
+    weight = choices.weighed(seen_in(one, size, seed))
     made = np.zeros(one.possible.shape)
     np.add.at(made, (choices.left, choices.chosen), weight)
     hidden = (made > 0) & one.possible & (np.random.default_rng(seed).random(made.shape) < HIDDEN)

@@ -14,7 +14,6 @@ from aircl_jax.animals.held_out import (
     AgeClass,
     Gain,
     HeldOut,
-    calibration,
     evaluate,
     folds_of,
     jackknife,
@@ -23,6 +22,7 @@ from aircl_jax.animals.held_out import (
 )
 from aircl_jax.animals.trips import Trips, study_trips
 from envs.animals.full.steps import Recordings
+from envs.animals.rows.cells import cells_of
 
 
 class Comparison(NamedTuple):
@@ -73,50 +73,48 @@ class Study(NamedTuple):
 
 def compare(name: str, columns: Design, rows: Bool[np.ndarray, " N"] | None = None) -> tuple[Comparison, HeldOut]:
     """Judge the model beside the smoothed chain on held-out folds of these rows."""
-    held, _ = evaluate(columns, rows)
-    steps, here = columns.recordings.steps, held.rows
+    held = evaluate(columns, rows)
+    recording, gain = np.arange(len(held.fold)), held.model.both - held.chain.both
     whether, where = held.model.whether - held.chain.whether, held.model.where - held.chain.where
-    every, left = np.ones(int(here.sum())), columns.left[here].astype(np.float64)
-    gain, fold, recording = (whether + where)[here], held.fold[here], steps.recording[here]
-    total = (held.model.whether + held.model.where)[here]
-    chain = (held.chain.whether + held.chain.where)[here]
     comparison = Comparison(
         name,
-        len(every),
-        int(left.sum()),
-        over_folds(chain, every, fold).mean,
-        over_folds(total, every, fold).mean,
-        over_folds(gain, every, fold),
-        over_recordings(gain, every, recording),
-        over_folds(gain, left, fold),
-        over_recordings(whether[here], every, recording),
-        over_recordings(where[here], left, recording),
+        int(held.steps.sum()),
+        int(held.changes.sum()),
+        over_folds(held.chain.both, held.steps, held.fold).mean,
+        over_folds(held.model.both, held.steps, held.fold).mean,
+        over_folds(gain, held.steps, held.fold),
+        over_recordings(gain, held.steps, recording),
+        over_folds(gain, held.changes, held.fold),
+        over_recordings(whether, held.steps, recording),
+        over_recordings(where, held.changes, recording),
     )
     return comparison, held
 
 
-def count_contexts(recordings: Recordings, held: HeldOut) -> list[Counted]:
+def count_contexts(recordings: Recordings, held: HeldOut, rows: Bool[np.ndarray, " N"] | None = None) -> list[Counted]:
     """Judge counting on richer contexts, each with the pseudo-count that is best on the test."""
-    steps, folds = recordings.steps, folds_of(recordings)
+    cells = cells_of(recordings.steps.columns(("recording", "code", "following", "place", "previous")))
+    times = np.bincount(cells.of if rows is None else cells.of[rows], minlength=len(cells.first)).astype(np.float64)
+    recordings = recordings._replace(steps=recordings.steps.take(cells.first))
+    steps, number = recordings.steps, len(held.fold)
     contexts = {"activity > place": [[], [steps.place]], "activity > previous": [[], [steps.previous]]}
     contexts["activity > place > previous"] = [[], [steps.place], [steps.place, steps.previous]]
     if "places" in recordings.lacks:
         contexts = {"activity > previous": contexts["activity > previous"]}
-    here, weight = held.rows, held.rows.astype(np.float64)
-    model = (held.model.whether + held.model.where)[here]
-    every, found = np.ones(int(here.sum())), []
+    found = []
     for name, context in contexts.items():
         best: tuple[float, float, Any] | None = None
         for strength in BACK_OFF:
-            nats = np.zeros(len(steps.code))
-            for fold in range(int(folds.max()) + 1):
+            nats = np.zeros(number)
+            for fold in range(int(held.fold.max()) + 1):
                 judged = held.fold == fold
-                nats[judged] = back_off(recordings, context, folds != fold, weight, strength)[judged]
-            mean = over_folds(nats[here], every, held.fold[here]).mean
+                each = times * back_off(recordings, context, ~judged, times, strength)
+                nats[judged] = np.bincount(steps.recording, each, minlength=number)[judged]
+            mean = over_folds(nats, held.steps, held.fold).mean
             if best is None or mean > best[0]:
-                best = (mean, strength, nats[here])
+                best = (mean, strength, nats)
         assert best is not None  # noqa: S101
-        found.append(Counted(name, best[1], best[0], over_folds(model - best[2], every, held.fold[here])))
+        found.append(Counted(name, best[1], best[0], over_folds(held.model.both - best[2], held.steps, held.fold)))
     return found
 
 
@@ -125,8 +123,11 @@ def fit_all(columns: Design, flagged: Bool[np.ndarray, "C C"]) -> Fitted:
     columns = columns._replace(choices=ruled_out(columns.choices, flagged))
     number = len(columns.recordings.recordings)
     every = np.ones(number, dtype=bool)
-    whole = fit(columns, every)
-    parts = [fit(columns, every & (np.arange(number) != one), start=whole) for one in range(number)]
+    whole = fit(columns, columns.leaving(every), every)
+    parts = []
+    for one in range(number):
+        others = np.arange(number) != one
+        parts.append(fit(columns, columns.leaving(others), others, start=whole))
     going = type(whole.going)(*(jackknife(np.stack(values)) for values in zip(*(part.going for part in parts), strict=True)))
     spread = Behaviour(jackknife(np.stack([part.leaving for part in parts])), whole.leaving_names, going)
     rewards = np.stack([reward_by_place(columns.recordings, part.going) for part in parts])
@@ -138,8 +139,8 @@ def fit_all(columns: Design, flagged: Bool[np.ndarray, "C C"]) -> Fitted:
 def _apart(recordings: Recordings) -> bool:
     """Return whether the windows hold some of the steps, in two folds or more, and leave some out."""
     steps = recordings.steps
-    held = np.unique(folds_of(recordings)[steps.recording[steps.in_window]])
-    return len(held) > 1 and not steps.in_window.all()
+    used = np.bincount(steps.recording[steps.in_window], minlength=len(recordings.recordings)) > 0
+    return len(set(folds_of(recordings)[used])) > 1 and not steps.in_window.all()
 
 
 def study(recordings: Recordings, halves: int, others: dict[str, Recordings]) -> Study:
@@ -154,22 +155,23 @@ def study(recordings: Recordings, halves: int, others: dict[str, Recordings]) ->
 
     columns = design(recordings)
     whole, held = compare("every step of every segment", columns)
-    comparisons = [whole]
-    counted_on = held
+    comparisons, counted_on = [whole], (held, None)
     if _apart(recordings):
-        windows, counted_on = compare("windows", columns, recordings.steps.in_window)
-        comparisons = [windows, whole]
+        in_window = recordings.steps.in_window
+        windows, of_windows = compare("windows", columns, in_window)
+        comparisons, counted_on = [windows, whole], (of_windows, in_window)
     lap("folds")
-    changes = avoided_changes(choices_of(recordings, ORDINARY), recordings, np.ones(len(columns.choices.step)))
+    ordinary = choices_of(recordings, ORDINARY)
+    changes = avoided_changes(ordinary, recordings, ordinary.times)
     lap("changes")
-    counted = count_contexts(recordings, counted_on)
+    counted = count_contexts(recordings, *counted_on)
     for name, other in others.items():
         comparisons.append(compare(name, design(other), other.steps.in_window)[0])
     lap("counting and other codings")
     fitted = fit_all(columns, changes.flagged)
     lap("jackknife")
-    judged = judge_on_halves(choices_of(recordings, ORDINARY), recordings, halves) if halves else {}
+    judged = judge_on_halves(ordinary, recordings, halves) if halves else {}
     lap("halves")
     trips = study_trips(recordings)
     lap("trips")
-    return Study(columns, comparisons, counted, calibration(columns, held), fitted, changes, judged, trips, seconds)
+    return Study(columns, comparisons, counted, held.ages, fitted, changes, judged, trips, seconds)

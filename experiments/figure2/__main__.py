@@ -78,8 +78,8 @@ def ground_of(study: Study) -> ground_maps.Ground:
     position = tracks.position[:, list(study.mapping.map_axes)]
     located = np.isfinite(position).all(axis=1)
     cameras = {}
-    for site in np.unique(tracks.site[located]).tolist():
-        here = located & (tracks.site == site)
+    for site in tracks.site[located].counts():
+        here = located & tracks.site.are(site)
         cameras[site] = ground_maps.Rows(position[here], study.coded.place[here])
     return ground_maps.Ground(cameras, study.mapping.coordinate_unit)
 

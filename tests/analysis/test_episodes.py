@@ -111,6 +111,11 @@ def test_shown_episodes_and_the_reference_set_have_their_own_feasibility_and_q_i
         np.testing.assert_allclose(of_drawn, by_delta, rtol=1e-3)
 
 
+def test_many_seeds_share_the_episodes_that_are_shown(monkeypatch):
+    monkeypatch.setattr(episodes, "MOST_EPISODES", 2 * SEEDS + 1)
+    assert episodes.gather(result()).policy.mask.shape[:2] == (SEEDS, 2)
+
+
 def test_a_change_is_counted_as_often_as_the_demonstrations_have_it_before_their_end():
     seen, expert = np.zeros((9, 4), int), result().expert
     for n in range(5):

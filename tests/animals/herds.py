@@ -6,6 +6,7 @@ import numpy as np
 
 from envs.animals.columns import ColumnMapping
 from envs.animals.full.steps import Recordings, recordings_of
+from envs.animals.rows.labels import Labels
 from envs.animals.tracks import Tracks
 from envs.animals.windows import code_rows
 
@@ -27,13 +28,13 @@ def tracks_of(rows: list[tuple[str, str, float, str, str]]) -> Tracks:
     recording, individual, time, behaviour, place = (list(column) for column in zip(*rows, strict=True))
     size = len(rows)
     return Tracks(
-        recording=np.array(recording),
-        site=np.full(size, ""),
-        individual=np.array(individual),
-        group=np.full(size, ""),
+        recording=Labels.of(recording),
+        site=Labels.same("", size),
+        individual=Labels.of(individual),
+        group=Labels.same("", size),
         time=np.array(time, float),
-        behaviour=np.array(behaviour),
-        place=np.array(place),
+        behaviour=Labels.of(behaviour),
+        place=Labels.of(place),
         position=np.full((size, 3), np.nan),
         close=np.zeros(size, dtype=np.int64),
         distant=np.zeros(size, dtype=np.int64),

@@ -43,7 +43,7 @@ def herd():
 def test_the_forbidden_change_of_a_made_up_herd_is_flagged_and_no_other(herd):
     names = herd.names
     choices = choices_of(herd, ORDINARY)
-    found = avoided_changes(choices, herd, np.ones(len(choices.chosen)))
+    found = avoided_changes(choices, herd, choices.times)
     assert [(names[a], names[b]) for a, b in np.argwhere(found.flagged)] == [FORBIDDEN]
     pair = names.index(FORBIDDEN[0]), names.index(FORBIDDEN[1])
     assert found.made[pair] == 0
@@ -51,7 +51,7 @@ def test_the_forbidden_change_of_a_made_up_herd_is_flagged_and_no_other(herd):
     assert found.p[pair] < found.bonferroni
     assert found.recordings[pair] == 6
     assert found.animals[pair] == 24
-    assert found.made.sum() == len(choices.chosen)
+    assert found.made.sum() == len(choices.change)
 
 
 def test_a_change_flagged_on_one_half_is_never_made_on_the_other(herd):

@@ -8,7 +8,7 @@ from aircl_jax.animals.changes import ruled_out
 from aircl_jax.animals.counting import back_off, counts_by_recording, smoothed_chain
 from aircl_jax.animals.features import tempo
 from aircl_jax.animals.going import fit_going
-from aircl_jax.animals.held_out import calibration, evaluate, folds_of, jackknife, over_folds, over_recordings
+from aircl_jax.animals.held_out import evaluate, folds_of, jackknife, over_folds, over_recordings
 from envs.animals.full.reading import read_recordings
 from envs.animals.meerkat import held_out_recordings
 from envs.options import MeerkatOptions
@@ -93,12 +93,10 @@ def test_tempo_looks_back_only_and_leaves_its_own_recording_out():
 
 
 def test_the_model_beats_the_chain_where_age_and_place_matter_and_is_calibrated(herd):
-    columns = design(herd)
-    held, _ = evaluate(columns)
-    steps = herd.steps
-    gain = held.model.whether + held.model.where - held.chain.whether - held.chain.where
-    assert over_recordings(gain, np.ones(len(gain)), steps.recording).won == 6
-    for one in calibration(columns, held):
+    held = evaluate(design(herd))
+    assert over_recordings(held.model.both - held.chain.both, held.steps, np.arange(6)).won == 6
+    assert sum(one.steps for one in held.ages) == (~herd.steps.unseen).sum()
+    for one in held.ages:
         assert one.model == pytest.approx(one.observed, abs=0.04)
         if one.first == 1:
             assert one.model == pytest.approx(0.4, abs=0.03)  # the truth
@@ -109,7 +107,7 @@ def test_with_the_forbidden_change_ruled_out_the_reward_of_a_place_is_recovered_
     columns = design(herd)
     forbidden = np.array(herd.names)[:, None] == FORBIDDEN[0]
     forbidden = forbidden & (np.array(herd.names) == FORBIDDEN[1])
-    going = fit_going(ruled_out(columns.choices, forbidden), np.ones(len(columns.choices.step)))
+    going = fit_going(ruled_out(columns.choices, forbidden), columns.choices.times)
     for row, place in enumerate(GOATS.places):
         reward = going.table[0] + going.table[1 + row]
         for one, other in ((0, 1), (1, 2)):  # differences of two rewards are free of the constant

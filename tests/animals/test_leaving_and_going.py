@@ -1,5 +1,7 @@
 """The likelihoods of leaving and of where to go equal naive float64 numpy, in value and in gradient, and fits end at rest."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,8 +9,9 @@ import pytest
 
 from aircl_jax.animals.features import named
 from aircl_jax.animals.going import MODEL, ORDINARY, Choices, Weights, choices_of, fit_going, going_loss, log_going
-from aircl_jax.animals.leaving import fit_leaving, leaving_loss, log_leaving
+from aircl_jax.animals.leaving import Known, fit_leaving, leaving_loss, log_leaving
 from aircl_jax.animals.minimise import minimise
+from aircl_jax.animals.shards import sharded
 from tests.animals.herds import goat_recordings
 
 
@@ -23,10 +26,10 @@ def some_weights(choices: Choices, seed: int = 0) -> Weights:
     return Weights(*(draws.normal(size=shape) for shape in shapes))
 
 
-def data_of(choices: Choices, weight: np.ndarray) -> dict[str, np.ndarray]:
+def data_of(choices: Choices, weight: np.ndarray) -> dict[str, Any]:
     names = ("situation", "field", "returning", "joining", "left", "chosen", "possible")
     ridge = {f"ridge_{name}": value for name, value in choices.ridge._asdict().items()}
-    return {name: getattr(choices, name) for name in names} | ridge | {"weight": weight}
+    return {"rows": sharded({name: getattr(choices, name) for name in names}, weight), **ridge}
 
 
 def naive_going(choices: Choices, weights: Weights, weight: np.ndarray) -> tuple[float, Weights]:
@@ -103,10 +106,14 @@ def naive_leaving(
     return loss, slope
 
 
+CELL = np.arange(80) % 40  # two rows each
+
+
 @pytest.fixture(scope="module")
 def hazard() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     draws = np.random.default_rng(0)
     x = np.concatenate([np.ones((80, 1)), draws.normal(size=(80, 2)) * [1, 7]], axis=1)
+    x[:, :2] = x[CELL, :2]
     return x, draws.random(80) < 0.3, draws.random(80), np.array([0.01, 1.0, 3.0])
 
 
@@ -115,7 +122,8 @@ def test_likelihood_and_gradient_of_leaving_are_those_of_naive_numpy(hazard):
     w = np.array([-1.0, 0.5, 0.1])
     expected, slope = naive_leaving(x, left, weight, ridge, w)
     with jax.enable_x64(True):
-        data = {"x": x, "left": left.astype(float), "weight": weight, "ridge": ridge}
+        rows = sharded({"cell": CELL, "own": x[:, 2:], "left": left}, weight)
+        data = {"cells": x[:40, :2], "ridge": ridge, "rows": rows}
         loss, gradient = jax.value_and_grad(leaving_loss)(jnp.asarray(w), jax.tree.map(jnp.asarray, data))
     assert float(loss) == pytest.approx(expected, rel=1e-12)
     np.testing.assert_allclose(gradient, slope, rtol=1e-9)
@@ -123,10 +131,11 @@ def test_likelihood_and_gradient_of_leaving_are_those_of_naive_numpy(hazard):
 
 def test_a_fit_of_leaving_ends_where_the_naive_gradient_vanishes(hazard):
     x, left, weight, ridge = hazard
-    features = named(x, ["always", "one", "other"], 1.0)._replace(ridge=ridge)
-    w = fit_leaving(features, left, weight)
+    cells = named(x[:40, :2], ["always", "one"], 1.0)._replace(ridge=ridge[:2])
+    known = Known(cells, CELL, named(x[:, 2:], ["other"], ridge[2]))
+    w = fit_leaving(known, left, weight)
     assert np.abs(naive_leaving(x, left, weight, ridge, w)[1]).max() < 1e-2
-    nats, chance = log_leaving(features, w, left)
+    nats, chance = log_leaving(known, w, left)
     np.testing.assert_allclose(np.exp(nats), np.where(left, chance, 1 - chance), rtol=1e-12)
 
 

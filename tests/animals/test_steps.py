@@ -65,7 +65,7 @@ def test_neighbours_are_counted_by_what_they_do_at_the_same_time(tmp_path):
     found = read_neighbours(tmp_path, mapping, tracks, rows, mapping.behaviours)
     assert found is not None
     at = {name: number for number, name in enumerate(mapping.behaviours)}
-    first = int(np.flatnonzero((rows.individual == "0") & (rows.time == 0))[0])
+    first = int(np.flatnonzero(rows.individual.are("0") & (rows.time == 0))[0])
     assert found.close[first, at["Foraging"]] == 1
     assert found.close[first, -1] == 1  # the pup
     assert found.close.sum() == 4

@@ -108,6 +108,7 @@ UNDERSTOOD = {
     "experiments.minari": parsed_by("experiments.minari"),
     "experiments.export": parsed_by("experiments.export"),
     "experiments.shield": parsed_by("experiments.shield"),
+    "experiments.herd": parsed_by("experiments.herd"),
 }
 
 

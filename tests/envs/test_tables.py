@@ -13,7 +13,7 @@ import pytest
 from envs import make_env
 from envs.animals.columns import ColumnMapping, load_mapping
 from envs.animals.herd import load
-from envs.animals.tables import read_table
+from envs.animals.tables import read_pieces
 from envs.animals.tracks import read_folder
 from envs.animals.windows import code_rows
 from envs.options import MeerkatOptions
@@ -225,6 +225,6 @@ def test_a_good_table_warns_of_nothing_and_its_account_adds_up(tmp_path):
 
 def test_a_table_is_read_alike_whatever_its_line_ends(tmp_path):
     (tmp_path / "a.csv").write_bytes(text(HEADER, rows()).replace("\n", "\r").encode("utf-8-sig"))
-    assert list(read_table(tmp_path / "a.csv").columns) == list(HEADER)
+    assert list(next(read_pieces(tmp_path / "a.csv")).columns) == list(HEADER)
     tracks = read_folder(tmp_path, MAPPING).tracks
     assert code_rows(tracks, replace(MAPPING, behaviours=("eat", "rest", "walk"))).code[:4].tolist() == [0, 1, 1, 2]

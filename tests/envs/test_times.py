@@ -103,13 +103,13 @@ def test_bouts_become_a_row_for_each_step_within_them(tmp_path):
     content = bouts((0.0, "a", "eat", 1.25), (1.25, "a", "rest", 4.0), (4.0, "a", "nod", 4.0), (6, "a", "eat", 7.5))
     tracks = tracks_of(tmp_path, content, BOUTS)
     assert tracks.time.tolist() == [0.0, 1.0, 2.0, 3.0, 6.0, 7.0]
-    assert tracks.behaviour.tolist() == ["eat", "eat", "rest", "rest", "eat", "eat"]
+    assert tracks.behaviour.texts().tolist() == ["eat", "eat", "rest", "rest", "eat", "eat"]
 
 
 def test_a_finer_step_takes_more_samples_and_loses_no_bout(tmp_path):
     content = bouts((0.1, "a", "eat", 0.3), (0.3, "a", "rest", 0.7))
     tracks = tracks_of(tmp_path, content, BOUTS + "step: 0.1\n")
-    assert tracks.behaviour.tolist() == ["eat", "eat", "rest", "rest", "rest", "rest"]
+    assert tracks.behaviour.texts().tolist() == ["eat", "eat", "rest", "rest", "rest", "rest"]
     assert one_step(tracks.time, 0.1).all()
 
 

@@ -39,7 +39,7 @@ def changed(row: int, old: str, new: str) -> list[str]:
 def test_a_good_table_is_read_whole_with_either_line_end(tmp_path, end):
     tracks = read_folder(write(tmp_path, ROWS, end=end), MEERKAT).tracks
     assert tracks.time.tolist() == [0, 1, 2, 3, 0]
-    assert tracks.site.tolist() == ["C2"] * 5
+    assert tracks.site.texts().tolist() == ["C2"] * 5
     assert tracks.close.tolist() == [0, 1, 0, 0, 0]
     assert tracks.distant.tolist() == [2, 0, 0, 0, 0]
     assert tracks.position[0].tolist() == [1.5, 2.0, 3.0]
@@ -218,6 +218,6 @@ def test_the_published_tables_have_the_published_counts():
 @needs_data
 def test_no_track_of_the_published_tables_crosses_the_cameras():
     coded = code_rows(read_folder(REAL, MEERKAT).tracks, MEERKAT)
-    seen = {site: {coded.places[p] for p in np.unique(coded.place[coded.tracks.site == site])} for site in ("C2", "C3")}
+    seen = {site: {coded.places[p] for p in np.unique(coded.place[coded.tracks.site.are(site)])} for site in ("C2", "C3")}
     assert seen["C2"] & seen["C3"] == {"Background"}
     assert seen["C2"] == {"Foraging", "Waiting Area", "Door", "Background"}

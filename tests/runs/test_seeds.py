@@ -100,6 +100,23 @@ def test_two_chunks_are_one_chunk_of_their_length(trainer):
     chex.assert_trees_all_equal(last, last_twice)
 
 
+def test_seeds_in_groups_are_those_of_one_call_in_their_order_and_few_are_one_call(monkeypatch):
+    monkeypatch.setattr(seeds, "GROUP", 3)
+    calls = []
+
+    def of(keys, numbers):
+        calls.append(len(numbers))
+        return {"first": jax.vmap(jax.random.uniform)(keys), "twice": 2 * numbers}
+
+    keys, numbers = seed_keys(range(8)), jnp.arange(8.0)
+    found = seeds.in_groups(of, keys, numbers)
+    assert calls == [3, 3, 2]
+    chex.assert_trees_all_equal(found, jax.device_get(of(keys, numbers)))
+    calls.clear()
+    seeds.in_groups(of, keys[:3], numbers[:3])
+    assert calls == [3]
+
+
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="another system than Linux")
 def test_what_was_compiled_is_forgotten_where_it_holds_too_many_memory_maps():
     double: Any = jax.jit(lambda x: 2 * x)

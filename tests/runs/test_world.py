@@ -3,11 +3,13 @@
 import json
 import os
 import pickle
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -128,13 +130,13 @@ raise SystemExit(ending(task))
 """
 
 
-def start(words: list[str], **variables: str) -> subprocess.Popen:
-    return begun(["-m", "experiments.run", *words], **variables)
+def start(words: list[str], namespace: str = "", **variables: str) -> subprocess.Popen:
+    return begun(["-m", "experiments.run", *words], namespace, **variables)
 
 
-def begun(arguments: list[str], **variables: str) -> subprocess.Popen:
+def begun(arguments: list[str], namespace: str = "", **variables: str) -> subprocess.Popen:
     environment = os.environ | {"PYTHONPATH": str(ROOT), **variables}
-    command = [sys.executable, *arguments]
+    command = [*(["ip", "netns", "exec", namespace] if namespace else []), sys.executable, *arguments]
     return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -193,6 +195,43 @@ def test_two_processes_killed_and_resumed_write_what_one_with_two_devices_does(t
     for process in refused:
         assert "already holds a run; choose resume=true" in process.communicate(timeout=1800)[1]
         assert process.returncode == 2
+
+
+@pytest.fixture
+def namespaces() -> Iterator[list[str]]:
+    """Two network namespaces with a cable between them: what each calls 127.0.0.1 the other cannot reach."""
+    ends = [f"{end}{os.getpid()}" for end in "ab"]
+    commands = [f"netns add {end}" for end in ends]
+    commands.append(f"link add {ends[0]} netns {ends[0]} type veth peer name {ends[1]} netns {ends[1]}")
+    for number, end in enumerate(ends, 1):
+        commands += [
+            f"-n {end} addr add 10.99.0.{number}/24 dev {end}",
+            f"-n {end} link set {end} up",
+            f"-n {end} link set lo up",
+        ]
+    try:
+        for words in commands:
+            subprocess.run(["ip", *words.split()], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("network namespaces cannot be made here")
+    else:
+        yield ends
+    finally:
+        for end in ends:
+            subprocess.run(["ip", "netns", "delete", end], check=False, capture_output=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ip") is None, reason="no ip")
+def test_two_processes_in_two_network_namespaces_write_what_one_with_two_devices_does(tmp_path, namespaces):
+    words = [*WORDS, f"run_dir={tmp_path / 'two'}", "distributed=true"]
+    variables = {world.ADDRESS: "10.99.0.1:23456", world.NUMBER: "2", "JAX_NUM_CPU_DEVICES": "1"}
+    started = [start(words, end, **variables, **{world.INDEX: str(index)}) for index, end in enumerate(namespaces)]
+    said = [process.communicate(timeout=1800) for process in started]
+    assert [process.returncode for process in started] == [0, 0], said
+    one = start([*WORDS, f"run_dir={tmp_path / 'one'}"], JAX_NUM_CPU_DEVICES="2")
+    assert one.communicate(timeout=1800)[1] == "" and one.returncode == 0
+    assert (tmp_path / "two" / "metrics.jsonl").read_bytes() == (tmp_path / "one" / "metrics.jsonl").read_bytes()
 
 
 @pytest.mark.slow

@@ -13,12 +13,12 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 from scipy.special import logit
 
 from aircl_jax.algorithm.measures import FINITE
-from aircl_jax.animals.behaviour import reward_by_place
+from aircl_jax.animals.behaviour import leaving_cells, reward_by_place
 from aircl_jax.animals.changes import LAPSE, Changes, avoided_changes, ruled_out
 from aircl_jax.animals.counting import counts_by_recording, smoothed_chain
-from aircl_jax.animals.features import LEAVING, Features, available, joined, leaving_features, tempo_column
+from aircl_jax.animals.features import LEAVING, available, tempo_column
 from aircl_jax.animals.going import MODEL, ORDINARY, Choices, Weights, choices_of, fit_going, log_going
-from aircl_jax.animals.leaving import fit_leaving, log_leaving
+from aircl_jax.animals.leaving import Known, fit_leaving, log_leaving
 from aircl_jax.model.networks import Networks
 from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
 from envs import Activities
@@ -50,7 +50,7 @@ class Sample(NamedTuple):
     """The steps of D_E in double precision, and how often each one's recording was drawn."""
 
     recordings: Recordings
-    leaving: Features
+    leaving: Known
     choices: Choices
     times: Float[np.ndarray, " R"]
     weight: Float[np.ndarray, " N"]
@@ -83,9 +83,10 @@ def draw_recordings(key: PRNGKeyArray, number: int) -> Float[np.ndarray, " R"]:
 def _fitted(nets: Networks, state: TrainState, expert: Trajectory) -> tuple[Any, Judged]:
     sample = _sample(nets, state.key, expert)
     steps, choices = sample.recordings.steps, sample.choices
-    left, of_changes = steps.code != steps.following, sample.weight[sample.choices.step]
-    changes = avoided_changes(choices_of(sample.recordings, ORDINARY), sample.recordings, of_changes)
-    going = fit_going(ruled_out(choices, changes.flagged), of_changes)
+    left, ordinary = steps.code != steps.following, choices_of(sample.recordings, ORDINARY)
+    of_changes = sample.weight[choices.change]
+    changes = avoided_changes(ordinary, sample.recordings, ordinary.weighed(of_changes))
+    going = fit_going(ruled_out(choices, changes.flagged), choices.weighed(of_changes))
     leaving = fit_leaving(sample.leaving, left, sample.weight)
     offset = np.log(LAPSE) * changes.flagged
     params = _params(sample.recordings, leaving, going, changes, offset)
@@ -112,7 +113,7 @@ def _sample(nets: Networks, key: PRNGKeyArray, expert: Trajectory) -> Sample:
         recordings=tuple(view.recordings.recordings[name] for name in names),
     )
     times = draw_recordings(key, len(names))
-    leaving = joined([leaving_features(recordings, available(LEAVING, recordings)), tempo_column(tempo)])
+    leaving = Known(*leaving_cells(recordings, available(LEAVING, recordings)), tempo_column(tempo))
     return Sample(recordings, leaving, choices_of(recordings, MODEL), times, times[recording])
 
 
@@ -137,7 +138,7 @@ def _judged(sample: Sample, leaving: Float[np.ndarray, " K"], going: Weights, of
     left, held = steps.code != steps.following, sample.weight == 0
     whether = log_leaving(sample.leaving, leaving, left)[0]
     where = np.zeros(len(whether))
-    where[choices.step] = log_going(choices, going, offset)
+    where[choices.change] = log_going(choices, going, offset)[choices.row]
     counts = counts_by_recording(sample.recordings, np.ones(len(left))) * sample.times[:, None, None]
     chain = smoothed_chain(counts, sample.times > 0)[0]
     stay = np.diag(chain)[steps.code]

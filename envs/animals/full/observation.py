@@ -63,7 +63,7 @@ def observe(recordings: Recordings, tempo: Float[Any, " N"]) -> Float[Any, "N O"
         elif part.name == "unseen":
             columns.append(steps.unseen[:, None] * 1.0)
         else:
-            counts = xp.log1p(getattr(steps, part.name))
+            counts = xp.log1p(getattr(steps, part.name) * 1.0)
             columns.append(counts if counts.ndim == 2 else counts[:, None])
     return xp.concat(columns, axis=1)
 

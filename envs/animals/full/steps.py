@@ -1,12 +1,14 @@
 """List every step of every gap-free segment: what is known of an animal at a row, and the code of the next row."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from envs.animals.columns import ColumnMapping
-from envs.animals.tracks import Tracks
+from envs.animals.rows.labels import Labels, constant, taken
+from envs.animals.tracks import Tracks, new_track
 from envs.animals.windows import STAYS, Coded, Coding
 
 NONE = STAYS  # index of no code or no place
@@ -21,6 +23,9 @@ LACKS: dict[Lack, str] = {
     "sites": "The tables have one site only.",
     "recordings": "There is one recording only: animals are held out in its place, and what is of that day is taken for all.",
 }
+
+
+COMPANY = ("close", "distant", "close_doing", "distant_doing")
 
 
 class Steps(NamedTuple):
@@ -38,13 +43,22 @@ class Steps(NamedTuple):
     position: Float[Any, "N 2"]  # on the ground, in the mapping's unit; NaN where unknown
     close: Int[Any, " N"]  # number of close neighbours
     distant: Int[Any, " N"]
-    close_doing: Float[Any, "N B"]  # of them, how many show each behaviour; the last column counts all others
-    distant_doing: Float[Any, "N B"]
+    close_doing: Shaped[Any, "N B"]  # of them, how many show each behaviour; the last column counts all others
+    distant_doing: Shaped[Any, "N B"]
     recording: Int[Any, " N"]
     site: Int[Any, " N"]
     track: Int[Any, " N"]  # an animal in a recording
     segment: Int[Any, " N"]  # a gap-free run of a track
     window: Int[Any, " N"]  # which window of `horizon` steps holds it (`envs.animals.windows.cut_windows`); NONE
+
+    def take(self, rows: Int[Any, " Q"]) -> "Steps":
+        return Steps(*(taken(column, rows) for column in self))
+
+    def columns(self, names: Sequence[str]) -> list[Int[np.ndarray, " N"]]:
+        """List the columns of these names, whose numbers are whole; each behaviour of the neighbours is one."""
+        whole = [np.asarray(getattr(self, name)) for name in names]
+        whole = [column.astype(np.int64) if column.dtype.kind in "fb" else column for column in whole]
+        return [part for column in whole for part in (column.T if column.ndim == 2 else [column])]
 
     @property
     def in_window(self) -> Bool[np.ndarray, " N"]:
@@ -79,7 +93,7 @@ def recordings_of(
     mapping: ColumnMapping,
     coding: Coding = "bout",
     *,
-    doing: tuple[Float[np.ndarray, "R B"], Float[np.ndarray, "R B"]] | None = None,
+    doing: tuple[Int[np.ndarray, "R B"], Int[np.ndarray, "R B"]] | None = None,
     horizon: int = 30,
     simulated: bool = False,
 ) -> Recordings:
@@ -94,24 +108,25 @@ def recordings_of(
     plain_move = coded.names.index(mapping.moving) if mapping.moving in coded.names else NONE
     behaviour_of = np.where(destination == NONE, np.arange(size), max(plain_move, 0))
     rows = coded.tracks
-    recording_names, recording = np.unique(rows.recording, return_inverse=True)
-    site_names, site = np.unique(rows.site, return_inverse=True)
-    begins = np.append(True, (rows.recording[1:] != rows.recording[:-1]) | (rows.individual[1:] != rows.individual[:-1]))
-    track = np.cumsum(begins) - 1
+    recording_names, recording = _used(rows.recording)
+    site_names, site = _used(rows.site)
+    begins = np.append(True, new_track(rows))
+    track = np.cumsum(begins, dtype=np.int32) - 1
     lacks = _lacks(mapping, rows, doing is not None, len(recording_names), len(site_names))
     if "recordings" in lacks:
-        recording, recording_names = track, rows.individual[begins]
+        recording, recording_names = track, tuple(rows.individual[begins].texts().tolist())
     here = np.flatnonzero(np.append(coded.segment[1:] == coded.segment[:-1], False))
     if not len(here):
         raise ValueError("no animal has two rows in a row without a gap: check the time column and `step` of the mapping")
-    ground = rows.position[:, list(mapping.map_axes)] / mapping.coordinate_scale
-    nobody = np.zeros((len(rows.time), num_behaviours + 1))
+    ground = _ground(rows.position, mapping)
+    nobody = constant(np.zeros(num_behaviours + 1, np.int16), len(rows.time))
     close_doing, distant_doing = doing or (nobody, nobody)
     age, unseen, previous = _bouts(coded)
-    columns = (coded.code, np.append(coded.code[1:], NONE), age, unseen, previous, coded.place, ground)
+    following = np.append(coded.code[1:], np.array(NONE, coded.code.dtype))
+    columns = (coded.code, following, age, unseen, previous, coded.place, ground)
     columns += (rows.close, rows.distant, close_doing, distant_doing, recording, site, track)
     columns += (coded.segment, _windows(coded, horizon))
-    steps = Steps(*(column[here] for column in columns))
+    steps = Steps(*(taken(column, here) for column in columns))
     if (steps.code == steps.following).all():
         raise ValueError(f"no animal changes its behaviour within a segment of {len(here)} steps: there is nothing to learn")
     return Recordings(
@@ -122,8 +137,8 @@ def recordings_of(
         destination=destination,
         moving=mapping.moving,
         places=coded.places,
-        recordings=tuple(map(str, recording_names.tolist())),
-        sites=tuple(site_names.tolist()),
+        recordings=recording_names,
+        sites=site_names,
         one_move=((destination != NONE) | (np.arange(size) == plain_move)) & (coding == "bout"),
         seconds=mapping.step,
         unit=mapping.coordinate_unit,
@@ -132,10 +147,23 @@ def recordings_of(
     )
 
 
+def _used(labels: Labels) -> tuple[tuple[str, ...], Int[np.ndarray, " R"]]:
+    """Return the labels that some row has, and the number of each row's."""
+    names = tuple(labels.counts())
+    return names, labels.recoded({name: number for number, name in enumerate(names)})
+
+
+def _ground(position: Float[np.ndarray, "R 3"], mapping: ColumnMapping) -> Float[np.ndarray, "R 2"]:
+    """Take the two coordinates that span the ground, in the mapping's unit."""
+    if "coordinates" not in mapping.columns:
+        return constant(np.full(2, np.nan), len(position))
+    return position[:, list(mapping.map_axes)] / mapping.coordinate_scale
+
+
 def _lacks(mapping: ColumnMapping, rows: Tracks, named: bool, num_recordings: int, num_sites: int) -> tuple[Lack, ...]:
     absent: dict[Lack, bool] = {
         "places": "place" not in mapping.columns,
-        "positions": not np.isfinite(rows.position).all(axis=1).any(),
+        "positions": "coordinates" not in mapping.columns or not np.isfinite(rows.position).all(axis=1).any(),
         "neighbours": not {"close", "distant"} & set(mapping.columns),
         "names": not named,
         "groups": not mapping.other_groups,
@@ -147,12 +175,12 @@ def _lacks(mapping: ColumnMapping, rows: Tracks, named: bool, num_recordings: in
 
 def _bouts(coded: Coded) -> tuple[Int[np.ndarray, " R"], Bool[np.ndarray, " R"], Int[np.ndarray, " R"]]:
     """Find each row's age in its bout, whether the bout's beginning is unseen, and the code of the bout before it."""
-    row = np.arange(len(coded.code))
+    row = np.arange(len(coded.code), dtype=np.int32)
     new_segment = np.append(True, coded.segment[1:] != coded.segment[:-1])
     begins = new_segment | np.append(True, coded.code[1:] != coded.code[:-1])
     onset = np.maximum.accumulate(np.where(begins, row, 0))
     unseen = new_segment[onset]
-    previous = np.where(unseen, NONE, coded.code[np.maximum(onset - 1, 0)])
+    previous = np.where(unseen, np.array(NONE, coded.code.dtype), coded.code[np.maximum(onset - 1, 0)])
     return row - onset + 1, unseen, previous
 
 
@@ -162,7 +190,7 @@ def _windows(coded: Coded, horizon: int) -> Int[np.ndarray, " R"]:
     first, number = np.append(0, np.cumsum(size)[:-1]), (size - 1) // horizon
     within = np.arange(len(coded.segment)) - first[coded.segment]
     window = (np.cumsum(number) - number)[coded.segment] + within // horizon
-    return np.where(within < (number * horizon)[coded.segment], window, NONE)
+    return np.where(within < (number * horizon)[coded.segment], window, NONE).astype(np.int32)
 
 
 def _sight(steps: Steps, destination: Int[np.ndarray, " C"], places: int, sites: int) -> Bool[np.ndarray, "K P"]:

@@ -18,9 +18,12 @@ def tempo_of(recordings: Recordings, trained: Bool[np.ndarray, " R"]) -> Float[n
 def expected_rates(recordings: Recordings, trained: Bool[np.ndarray, " R"]) -> Float[np.ndarray, "R C"]:
     """Compute each activity's rate of leaving in the `trained` recordings, for each recording without itself."""
     steps, size = recordings.steps, len(recordings.names)
-    changes, rows = np.zeros((2, len(recordings.recordings), size))
-    np.add.at(changes, (steps.recording, steps.code), steps.code != steps.following)
-    np.add.at(rows, (steps.recording, steps.code), 1.0)
+    shape = (len(recordings.recordings), size)
+    pair = steps.recording.astype(np.int32) * np.int32(size) + steps.code
+    rows, changes = (
+        np.bincount(pairs, minlength=shape[0] * size).reshape(shape).astype(np.float64)
+        for pairs in (pair, pair[steps.code != steps.following])
+    )
     kept_changes, kept_rows = (array * trained[:, None] for array in (changes, rows))
     other_changes, other_rows = (kept.sum(axis=0) - kept for kept in (kept_changes, kept_rows))
     everywhere = other_changes.sum(axis=1, keepdims=True) / np.maximum(other_rows.sum(axis=1, keepdims=True), 1.0)
@@ -38,6 +41,8 @@ def seen_and_expected(
 
 def _before(values: Float[np.ndarray, " N"], track: Int[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
     """Sum the values of a track before each step."""
-    total = np.cumsum(values) - values
-    first = np.append(True, track[1:] != track[:-1])
-    return total - total[np.maximum.accumulate(np.where(first, np.arange(len(track)), 0))]
+    total = np.cumsum(values)
+    total -= values
+    first = np.flatnonzero(np.append(True, track[1:] != track[:-1]))
+    total -= np.repeat(total[first], np.diff(np.append(first, len(track))))
+    return total

@@ -160,7 +160,8 @@ def _dynamics(
     steps = recordings.steps
     same = np.append(steps.segment[1:] == steps.segment[:-1], False)
     successor = jnp.asarray(np.arange(len(same)) + same)  # a segment's last row is seen on
-    recorded = Steps(*(jnp.asarray(column, jnp.float32 if column.dtype.kind == "f" else None) for column in steps))
+    kinds = {"f": jnp.float32, "i": jnp.int32}
+    recorded = Steps(*(jnp.asarray(column, kinds.get(column.dtype.kind)) for column in steps))
     before, rate = [jnp.asarray(count, jnp.float32) for count in counts], jnp.asarray(rates, jnp.float32)
     destination = jnp.asarray(recordings.destination)
     shape = (len(recordings.names),) * 2

@@ -39,8 +39,8 @@ def test_a_study_of_mice_is_written_whole(mice, tmp_path, monkeypatch):
 def test_a_mobs_found_and_false_are_counted_against_its_truth():
     one = of_mobs.mob(0)
     assert one.forbidden.sum() == 69
-    weight = of_mobs.seen_in(one, 300, 0)
-    found = avoided_changes(choices_of(one.recordings, ORDINARY), one.recordings, weight, prior=0.15)
+    choices = choices_of(one.recordings, ORDINARY)
+    found = avoided_changes(choices, one.recordings, choices.weighed(of_mobs.seen_in(one, 300, 0)), prior=0.15)
     numbers = of_mobs.judged(one, 300, 0, 1.0, 0.15)
     flagged = found.flagged & one.possible
     assert numbers["found of 69, flagged"] == (flagged & one.forbidden).sum() >= 15

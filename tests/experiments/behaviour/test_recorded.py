@@ -3,7 +3,6 @@
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from aircl_jax.animals.behaviour import design
@@ -44,7 +43,7 @@ def test_the_model_beats_the_chain_on_every_fold_and_every_recording(recordings)
 
 def test_a_sentinel_does_not_go_to_forage_at_once(recordings):
     choices = choices_of(recordings, ORDINARY)
-    found = avoided_changes(choices, recordings, np.ones(len(choices.step)))
+    found = avoided_changes(choices, recordings, choices.times)
     pair = recordings.names.index("Raised Guarding (Vigilant)"), recordings.names.index("Foraging")
     assert found.flagged[pair]
     assert found.made[pair] == 0

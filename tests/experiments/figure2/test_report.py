@@ -16,6 +16,7 @@ from aircl_jax.figures.animals import ground_maps
 from aircl_jax.figures.animals import transitions as plots_animals
 from aircl_jax.figures.style import LARGER
 from envs.animals.columns import ColumnMapping
+from envs.animals.rows.labels import Labels
 from envs.animals.tracks import Tracks
 from envs.animals.windows import Coded, Transitions
 from experiments.figure2 import __main__ as figure2
@@ -46,8 +47,8 @@ def study() -> Study:
     rows = 8
     position = np.arange(24.0).reshape(rows, 3)
     position[2] = np.nan
-    empty, number = np.full(rows, ""), np.zeros(rows, np.int64)
-    site = np.array(["north"] * 5 + ["south"] * 3)
+    empty, number = Labels.same("", rows), np.zeros(rows, np.int64)
+    site = Labels.of(["north"] * 5 + ["south"] * 3)
     tracks = Tracks(empty, site, empty, empty, np.arange(8.0), empty, empty, position, number, number)
     place, code = np.array([0, 0, 0, 1, 1, 1, 1, 1]), np.array([0, 0, 0, 0, 0, 1, 1, 2])
     coded = Coded(tracks, number, code, place, NAMES, ("burrow", "field"))
