@@ -38,10 +38,12 @@ CLAIMS = (
         tuple(Transfer(ROW, test.name, {env: 0.95}) for env in TESTS for test in TESTS[env] if test.name.startswith("S4")),
     ),
     Claim(
-        "Throughout, fresh policies violate hardly more than the truth's",
+        "S0, S2, S3, S4: on robots fresh policies hardly ever violate",
         SWAP,
-        (Violation(ROW, ("S0", "S2", "S3", "S4"), _where(0.001, grid=0.03)),),
+        (Violation(ROW, ("S0", "S2", "S3", "S4"), _where(0.001, tuple(TESTS))),),
     ),
+    Claim("S0, S4: on grids plans violate hardly more than the truth's", SWAP, (Violation(ROW, ("S0", "S4"), {GRID: 0.03}),)),
+    Claim("S2: on grids neither do plans for other rewards", SWAP, (Violation(ROW, ("S2",), {GRID: 0.03}),)),
     Claim(
         "S2 on grids where every obstacle was tempting: nearly the whole return, hardly a violation",
         SWAP,

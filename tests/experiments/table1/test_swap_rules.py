@@ -138,6 +138,15 @@ def test_of_obstacles_that_were_tempting_only_these_seeds_and_layouts_count():
     assert (sites.measured, sites.because) == ("—", "undefined")
 
 
+def test_worlds_without_a_cell_of_the_row_are_left_out_unless_it_has_none_at_all():
+    limits = {"swimmer": 0.95, "walker": 0.95}
+    one = found(Transfer("mine", "S0", limits), *swap_of("S0", 109.0), robot("S0", "oracle", 1.0, env="walker"))
+    assert [line.env for line in one] == ["swimmer"]
+    assert [line.env for line in found(Violation("mine", ("S0",), limits), *swap_of("S0", 109.0))] == ["swimmer"]
+    none = found(Transfer("mine", "S0", limits), robot("S0", "oracle", 1.0))
+    assert [(line.env, line.because) for line in none] == [(env, "cells missing: swap test") for env in limits]
+
+
 def test_few_seeds_tell_nothing():
     cells = [
         (key, {**cell, "metrics": {name: row[:5] for name, row in cell["metrics"].items()}})
