@@ -6,6 +6,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import jax
@@ -123,7 +124,7 @@ def test_the_documented_example_trains_ppo_of_stable_baselines_on_the_swimmer():
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed")
     page = (Path(__file__).parents[1] / "docs" / "deploy.md").read_text(encoding="utf-8")
     [example] = re.findall(r"^```python\n(from stable_baselines3.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
-    names = {"aircl_jax": aircl_jax}
+    names: dict[str, Any] = {"aircl_jax": aircl_jax}
     exec(compile(example, "docs/deploy.md", "exec"), names)
     print(names["earned"], names["violations"])
     assert names["earned"] > 15  # at random it swims nowhere: −7 to 11

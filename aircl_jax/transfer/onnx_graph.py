@@ -132,7 +132,10 @@ class _Graph:
 
 def _value(variable: Any, found: Mapping[Any, Any]) -> Any:
     """Return what a variable stands for; a literal in its own type, which a plain number of Python does not have."""
-    return np.asarray(variable.val, variable.aval.dtype) if isinstance(variable, Literal) else found[variable]
+    if not isinstance(variable, Literal):
+        return found[variable]
+    kind: Any = variable.aval
+    return np.asarray(variable.val, kind.dtype)
 
 
 def _needed(jaxpr: Any) -> set[Any]:

@@ -122,15 +122,17 @@ def choices(group: str, env: str, command: str) -> list[str]:
     own = [str(name) for name in node if name not in ("defaults", "hydra")]
     names: dict[str, list[str]] = {"": list(dict.fromkeys([*own, *groups]))}
     names |= _nested("env", ENVS[env].options()) if env in ENVS else {"env": list(ENVS)}
-    names |= _nested("train", TrainConfig())
+    names |= _nested("train", node["train"] if "train" in node else TrainConfig())
     return names.get(group, names[""])
 
 
 def _nested(prefix: str, config: Any) -> Mapping[str, list[str]]:
-    names = {prefix: [field.name for field in fields(config) if field.name != "iterations"]}
-    for field in fields(config):
-        if is_dataclass(getattr(config, field.name)):
-            names |= _nested(f"{prefix}.{field.name}", getattr(config, field.name))
+    """List the settings of a dataclass or a mapping, and of each group within it, by the group's name."""
+    values = {field.name: getattr(config, field.name) for field in fields(config)} if is_dataclass(config) else dict(config)
+    names = {prefix: [name for name in values if name != "iterations"]}
+    for name, value in values.items():
+        if is_dataclass(value) or isinstance(value, Mapping):
+            names |= _nested(f"{prefix}.{name}", value)
     return names
 
 

@@ -209,3 +209,18 @@ def test_contrast_prior_of_a_known_reward_refuses_demonstrations_without_one(cap
     assert main([*TINY, "method=icrl_prior", "demonstrations=mine.npz", "run_dir=mine"]) == 2
     assert capsys.readouterr().err.startswith("error: demonstrations=mine.npz: reward is missing")
     assert not Path("mine").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("episods=3", "unknown setting episods; choose from seeds, first_seed, free_seeds"),
+        ("train.cost_limit=1", "unknown setting train.cost_limit; choose from "),
+    ],
+)
+def test_an_expert_answers_a_mistyped_setting_with_its_own(words, said, capsys):
+    from experiments.expert.__main__ import main as expert
+
+    assert expert([words]) == 2
+    error = capsys.readouterr().err
+    assert said in error and ("cost_budget" in error) == words.startswith("train") and "adversary" not in error

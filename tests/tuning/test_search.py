@@ -10,12 +10,20 @@ import pytest
 
 from experiments import search as command
 from tests.docs.test_docs import parsed_by_run
-from tests.tiny_runs import SMALL
+from tests.tiny_runs import CONFIG, GRID, SMALL
 
 pytest.importorskip("optuna", reason="the extra `search` is not installed")
 
 RATES = "train.ppo.learning_rate=0.0001:0.01:log"
 WORDS = ("env=gridworld", "method=airl_centred", "iterations=2", *SMALL, RATES)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """Five walks on the 3×3 grid, so that none has to be drawn."""
+    random, file = np.random.default_rng(0), tmp_path_factory.mktemp("own") / "mine.npz"
+    np.savez(file, obs=np.eye(9)[random.integers(9, size=(5, 4))], action=random.integers(4, size=(5, 4)))
+    return f"demonstrations={file}"
 
 
 def stub(seen):
@@ -41,9 +49,9 @@ def trained(monkeypatch):
     return seen
 
 
-def test_a_search_prints_a_line_a_trial_a_table_and_a_command_that_trains_with_the_best(trained, tmp_path, capsys):
+def test_a_search_prints_a_line_a_trial_a_table_and_a_command_that_trains_with_the_best(trained, own, tmp_path, capsys):
     folder = tmp_path / "out"
-    assert command.main([*WORDS, "budget=4", "first_seed=3", f"run_dir={folder}"]) == 0
+    assert command.main([*WORDS, own, "budget=4", "first_seed=3", f"run_dir={folder}"]) == 0
     said = capsys.readouterr().out
     lines = [line for line in said.splitlines() if re.match(r"trial \d/4  score", line)]
     assert len(lines) == 4 and all(re.search(r"best \S+ \(trial \d\)  \d+:\d\d left$", line) for line in lines)
@@ -57,26 +65,29 @@ def test_a_search_prints_a_line_a_trial_a_table_and_a_command_that_trains_with_t
     assert sorted(path.name for path in folder.iterdir()) == ["held_out.npz", "search.md", "study.journal", "training.npz"]
 
 
-def test_each_trial_trains_on_the_part_that_is_not_held_out(trained, tmp_path):
-    assert command.main([*WORDS, "budget=2", "held_out=0.4", f"run_dir={tmp_path}"]) == 0
+def test_each_trial_trains_on_the_part_that_is_not_held_out(trained, own, tmp_path):
+    assert command.main([*WORDS, own, "budget=2", "held_out=0.4", f"run_dir={tmp_path}"]) == 0
     assert {given["demonstrations"] for given in trained} == {tmp_path / "training.npz"}
     training, out = (np.load(tmp_path / f"{name}.npz")["obs"] for name in ("training", "held_out"))
     assert (len(training), len(out)) == (3, 2)
 
 
-def test_a_folder_that_holds_a_search_goes_on_begins_again_or_is_refused(trained, tmp_path, capsys):
-    words = [*WORDS, f"run_dir={tmp_path}"]
-    assert command.main([*words, "budget=2"]) == 0
-    assert command.main([*words, "budget=3"]) == 2
-    assert "already holds a search; choose resume=true, overwrite=true" in capsys.readouterr().err
-    assert command.main([*words, "budget=3", "resume=true"]) == 0 and len(trained) == 3
-    assert command.main([*words, "budget=3", "resume=true", "seeds=2"]) == 2
-    assert "seeds is 1 there and 2 here" in capsys.readouterr().err
-    assert command.main([*words, "budget=3", "overwrite=true"]) == 0 and len(trained) == 6
+def test_a_folder_that_holds_a_search_goes_on_begins_again_or_is_refused(trained, own, tmp_path):
+    from aircl_jax import search
+
+    given = {"method": "airl_centred", "env_settings": GRID, "config": CONFIG, "demonstrations": own.partition("=")[2]}
+    given |= {"ranges": {"train.ppo.learning_rate": (1e-4, 1e-2, "log")}, "run_dir": tmp_path}
+    assert len(search(**given, budget=2).trials) == 2
+    with pytest.raises(ValueError, match="already holds a search; choose resume=true, overwrite=true"):
+        search(**given, budget=3)
+    assert len(search(**given, budget=3, resume=True).trials) == 3 and len(trained) == 3
+    with pytest.raises(ValueError, match="seeds is 1 there and 2 here"):
+        search(**given, budget=3, resume=True, seeds=2)
+    assert len(search(**given, budget=3, overwrite=True).trials) == 3 and len(trained) == 6
     (tmp_path / "study.journal").unlink()
     (tmp_path / "mine.txt").touch()
-    assert command.main([*words, "budget=3"]) == 2
-    assert "holds files (mine.txt, …) and no study.journal" in capsys.readouterr().err
+    with pytest.raises(ValueError, match=r"holds files \(mine.txt, …\) and no study.journal"):
+        search(**given, budget=3)
 
 
 @pytest.mark.parametrize(
@@ -91,9 +102,9 @@ def test_a_folder_that_holds_a_search_goes_on_begins_again_or_is_refused(trained
         (["env=meerkat", "method=behaviour", RATES], "method=behaviour is fitted at once and has nothing to search"),
     ],
 )
-def test_bad_input_is_one_line_and_writes_nothing(words, said, tmp_path, monkeypatch, capsys):
+def test_bad_input_is_one_line_and_writes_nothing(words, said, own, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert command.main(list(words)) == 2
+    assert command.main([*words, *([] if "env=meerkat" in words else [own])]) == 2
     error = capsys.readouterr().err
     assert re.search(said, error) and error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
