@@ -16,6 +16,7 @@ COMMANDS = {
     "swap": "are reward and constraint separately right",
     "behaviour": "what recorded animals want and avoid",
     "minari": "write demonstrations as a Minari data set",
+    "herd": "make up a herd as a large table",
     "expert": "train a robot's expert and write demonstrations",
     "recovery": "every method on four grids",
     "sweeps": "how results depend on settings and demonstrations",

@@ -12,7 +12,7 @@ from envs.animals.full.steps import Recordings
 
 SCATTER = 1.0  # σ: by how much, in nats, an ordinary pair may differ from what the model expects
 PRIOR = 0.1  # share of the possible pairs that are forbidden before anything is seen
-LAPSE = 0.01  # share of the expected number at which a forbidden pair is made all the same
+LAPSE = 0.01  # share of the expected number at which a forbidden pair may be made all the same
 ROUNDS = 3  # of fitting without the flagged pairs and flagging anew
 FLAGGED = 0.5  # posterior above which a pair is flagged
 TESTABLE = 3.0  # expected times below which a pair's absence says little; Bonferroni counts the pairs above it
@@ -51,11 +51,15 @@ class Changes(NamedTuple):
 def log_bayes(
     made: Float[np.ndarray, "*s"], expected: Float[np.ndarray, "*s"], scatter: float = SCATTER
 ) -> Float[np.ndarray, "*s"]:
-    """log Poisson(n; .01 M) − log ∫ Poisson(n; M e^{σx}) N(x; 0, 1) dx, by Gauss–Hermite quadrature."""
+    """log Poisson(n; L) − log ∫ Poisson(n; M e^{σx}) N(x; 0, 1) dx, by Gauss–Hermite quadrature.
+
+    The lapses L are .01 M, or fewer where .01 M is more than one and more than n: a ban that is kept better is still one.
+    """
     mean = np.maximum(expected, 1e-12)
     rate = mean[..., None] * np.exp(NODES * scatter)
     allowed = np.asarray(logsumexp(made[..., None] * np.log(rate) - rate, b=NODE_WEIGHTS, axis=-1))
-    return made * np.log(LAPSE * mean) - LAPSE * mean - allowed
+    lapses = np.minimum(LAPSE * mean, np.maximum(made, 1.0))
+    return made * np.log(lapses) - lapses - allowed
 
 
 def p_of(made: Float[np.ndarray, "*s"], expected: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:

@@ -24,6 +24,7 @@ T = TypeVar("T")
 
 ADDRESS, NUMBER, INDEX = "JAX_COORDINATOR_ADDRESS", "JAX_NUM_PROCESSES", "JAX_PROCESS_ID"
 STARTED_BY = {"SLURM_STEP_NUM_TASKS": "Slurm", "OMPI_COMM_WORLD_SIZE": "Open MPI", NUMBER: "this environment"}
+WAIT = 300  # seconds for which a process waits for the others to begin
 PATIENCE = 24 * 3600  # seconds for which a process that is done waits for the first, which draws and writes
 
 
@@ -41,17 +42,17 @@ def join() -> None:
             process_id=int(os.environ[INDEX]) if by_hand else None,
             shutdown_timeout_seconds=PATIENCE,
         )
-        _meet_by_address()
-        jax.devices()
+        _meet()
     except (ValueError, RuntimeError, KeyError, OSError) as error:
         how = f"start the processes by srun or mpirun, or set {ADDRESS}, {NUMBER} and {INDEX} in each"
         raise ValueError(f"distributed=true: {described(error)}; {how}") from error
 
 
-def _meet_by_address() -> None:
-    """Let CPUs exchange arrays by the address from which this process reaches the first.
+def _meet() -> None:
+    """Wait for the other processes, and connect to each by the address from which this process reaches the first.
 
-    JAX takes what the host's own name means, which is often 127.0.0.1, where no other host finds it.
+    JAX takes the address that the host's own name means, which is often 127.0.0.1, where no other host finds it. It
+    connects at the first exchange, and then waits less long for a process that is late.
     """
     from jax._src.distributed import global_state
     from jax._src.lib import _jax
@@ -62,6 +63,9 @@ def _meet_by_address() -> None:
         probe.connect(first)
         own = probe.getsockname()[0]
     _jax.make_gloo_tcp_collectives = partial(_jax.make_gloo_tcp_collectives, hostname=own)
+    jax.devices()
+    global_state.client.wait_at_barrier("met", 1000 * WAIT)  # pyright: ignore[reportOptionalMemberAccess]
+    most(0)
 
 
 def strangers() -> str:

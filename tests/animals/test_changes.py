@@ -20,6 +20,13 @@ def test_the_bayes_factor_is_forbidden_with_lapses_over_ordinary_with_scatter(ma
     assert found[0] == pytest.approx(np.log(forbidden / allowed), abs=0.01)
 
 
+def test_a_ban_that_is_kept_better_than_by_one_in_a_hundred_is_still_a_ban_however_large_the_table():
+    expected = np.array([2e3, 2e4, 2e6])
+    assert (log_bayes(np.zeros(3), expected) > 5).all()
+    assert (log_bayes(0.005 * expected, expected) > 5).all()
+    assert (log_bayes(0.5 * expected, expected) < -5).all()
+
+
 def test_a_flagged_pair_is_expected_as_if_it_alone_were_ordinary():
     """Three activities of rewards 0, log 2, log 3: out of the first, 2 : 3 compete; flagged, the second would get 2 of 5."""
     choices = choices_of(goat_recordings(recordings=2, animals=1, rows=60), ("return",))

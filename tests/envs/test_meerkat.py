@@ -142,12 +142,12 @@ def test_the_coding_finds_the_simulated_codes_but_for_moves_cut_by_the_end():
         simulated_meerkats.simulated_tracks()
         .take(np.arange(1200))
         ._replace(
-            recording=np.full(1200, "a"),
-            group=np.full(1200, "Adult"),
-            individual=np.repeat(["0", "1", "2"], 400),
+            recording=Labels.same("a", 1200),
+            group=Labels.same("Adult", 1200),
+            individual=Labels.of(np.repeat(["0", "1", "2"], 400)),
             time=np.tile(np.arange(400.0), 3),
-            behaviour=labels[codes].ravel(),
-            place=np.array(simulated_meerkats.PLACE_NAMES)[places].ravel(),
+            behaviour=Labels.of(labels[codes].ravel()),
+            place=Labels.of(np.array(simulated_meerkats.PLACE_NAMES)[places].ravel()),
         )
     )
     found = code_rows(tracks, simulated_meerkats.MAPPING).code.reshape(3, 400)

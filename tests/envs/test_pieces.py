@@ -87,8 +87,8 @@ def test_a_mistake_of_a_later_piece_is_refused_with_its_row(folder, column, valu
     table = frame().astype({"t": str})
     place = 37
     if value == "again":
-        earlier = table[:place]
-        value = earlier[(earlier.day == table.day.iloc[place]) & (earlier.goat == table.goat.iloc[place])].t.iloc[0]
+        earlier, who = table[:place], (table.day.iloc[place], table.goat.iloc[place])
+        value = next(time for day, goat, time in zip(earlier.day, earlier.goat, earlier.t, strict=True) if (day, goat) == who)
     table.iloc[place, table.columns.get_loc(column)] = value
     with pytest.raises(ValueError, match=words):
         read_folder(*written(folder, table))
