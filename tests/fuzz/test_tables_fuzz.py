@@ -5,12 +5,14 @@ import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from envs.animals.columns import ColumnMapping
+from envs.animals.rows.labels import Labels
 from envs.animals.tracks import Tracks, read_folder
 from envs.animals.windows import Windows, code_rows, cut_windows
 from tests.fuzz.outcomes import Refused, outcome
@@ -202,7 +204,11 @@ WRONG: tuple[Callable[[Random, Sheet], None], ...] = (
 
 
 def same(one: Tracks, other: Tracks) -> bool:
-    return all(np.array_equal(a, b, equal_nan=a.dtype.kind == "f") for a, b in zip(one, other, strict=True))
+    def alike(a: Any, b: Any) -> bool:
+        a, b = (part.texts() if isinstance(part, Labels) else part for part in (a, b))
+        return np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind == "f")
+
+    return all(alike(a, b) for a, b in zip(one, other, strict=True))
 
 
 @pytest.mark.slow

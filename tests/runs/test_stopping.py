@@ -19,10 +19,12 @@ CODES = [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)]
 
 @pytest.fixture(autouse=True)
 def _nothing_is_ignored():
-    """Handle SIGHUP as at a terminal, though the tests themselves may run under `nohup`."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    """Handle signals as at a terminal, though the tests themselves may run under `nohup` or in the background of a shell."""
+    handlers = {signal.SIGHUP: signal.SIG_DFL, signal.SIGINT: signal.default_int_handler}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     yield
-    signal.signal(signal.SIGHUP, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def send(name: str) -> None:
