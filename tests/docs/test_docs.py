@@ -129,11 +129,14 @@ def test_a_command_that_is_wrong_would_be_noticed():
     assert parsed_by_run(["env=gridworld", "seeds=abc"]) == 2
 
 
+BESIDE = ("stable_baselines3",)  # what a page uses beside this project; tests/test_gym.py runs it where it is installed
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_what_a_page_imports_exists(page):
     for block in blocks(page, "python"):
         for node in ast.walk(ast.parse(block)):
-            if isinstance(node, ast.ImportFrom):
+            if isinstance(node, ast.ImportFrom) and node.module not in BESIDE:
                 module = importlib.import_module(node.module or "")
                 assert [alias.name for alias in node.names if not found(module, alias.name)] == []
 
