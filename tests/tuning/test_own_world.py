@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("optuna", reason="the extra `search` is not installed")
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide.md"
-# Chosen before anything was run: the two learning rates and the judge's steps, the defaults among them.
+# Chosen before any search had ended: the two learning rates and the judge's steps, the defaults among them.
 RANGES = {
     "train.ppo.learning_rate": (0.0003, 0.003, "log"),
     "train.adversary.learning_rate": (0.0003, 0.003, "log"),
