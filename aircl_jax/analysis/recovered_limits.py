@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from aircl_jax.algorithm.boxes import state_limits
 from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.model.networks import Networks
@@ -92,15 +93,21 @@ def _limits_as_parameters(result: Result) -> Limits:
 
 
 def _drawn(nets: Networks, states: TrainState) -> tuple[Float[np.ndarray, "S I"], Float[np.ndarray, "S I"]]:
-    """Lower and upper limits, [S, I], in the unit of each coordinate; NaN where there is none."""
-    space, of, found = nets.env.action_space, states.params.feasibility["step"]["params"], []
+    """Lower and upper limits, [S, I], in the unit of each coordinate; NaN where there is none.
+
+    Of states those that were drawn: until they are settled, δ₁ also forbids whatever the demonstrations never met.
+    """
+    space, of, contrast = nets.env.action_space, states.params.feasibility["step"]["params"], states.adversary_opt
     if not isinstance(space, Box):
         raise TypeError(f"actions of {nets.env.name} are numbered")
-    for side in ("lower", "upper"):
-        end, stats = jnp.asarray(of[side]), states.obs_stats
-        own = end * stats.std + stats.mean if nets.feasibility_sees_state else space.from_half_widths(end)
-        found.append(np.asarray(jnp.where(jnp.abs(end) < UNLIMITED, own, jnp.nan), float))
-    return found[0], found[1]
+    if nets.feasibility_sees_state:
+        ends = state_limits.of_observations(contrast.met, state_limits.scale_of(contrast.reach, nets.config.moments.margin))
+    else:
+        ends = (
+            jnp.where(jnp.abs(of[side]) < UNLIMITED, space.from_half_widths(of[side]), jnp.inf) for side in ("lower", "upper")
+        )
+    lower, upper = (np.asarray(jnp.where(jnp.isfinite(end), end, jnp.nan), float) for end in ends)
+    return lower, upper
 
 
 def demonstrated_steps(result: Result) -> Float[np.ndarray, "N I"]:

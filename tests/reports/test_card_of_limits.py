@@ -16,7 +16,6 @@ from aircl_jax.analysis.recovered_limits import measures_of_limits, recovered_li
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.model.networks import make_networks
 from aircl_jax.reports.card import as_json, as_markdown, card_of, closing, is_card
-from aircl_jax.types import ObsStats
 from tests.finished_runs import untrained_robot
 
 RUN = untrained_robot("aircl_contrast")
@@ -106,8 +105,8 @@ def test_the_limits_are_measures_of_every_seed_with_none_where_there_is_none():
 def test_a_limit_of_a_state_is_listed_by_its_coordinate_with_the_m_by_which_it_was_drawn():
     run = known()
     env = replace(run.spec.env, constraint_input="state")
-    ends = {"lower": jnp.full((2, 8), -UNLIMITED), "upper": jnp.full((2, 8), UNLIMITED).at[:, 2].set(1.5)}
-    stats, reach = ObsStats(jnp.full((2, 8), 0.2), jnp.full((2, 8), 0.4)), (jnp.full((2, 8), -0.8), jnp.full((2, 8), 0.8))
+    held = {"lower": jnp.full((2, 8), -2.0), "upper": jnp.full((2, 8), 2.0)}  # until the limits are settled: no limits
+    reach, none = (jnp.full((2, 8), -0.8), jnp.full((2, 8), 0.8)), jnp.full((2, 8), UNLIMITED)
     number = np.zeros((2, 8, BINS))
     number[:, :, BINS // 2] = 100.0
     number[:, 2, 150] = 3.0  # at 1.6 of the practice world's ±2.4
@@ -115,15 +114,15 @@ def test_a_limit_of_a_state_is_listed_by_its_coordinate_with_the_m_by_which_it_w
     tempted = jnp.zeros((2, 2, 8)).at[:, 1, 2].set(jnp.array([600.0, 800.0]))
     share = jnp.asarray(np.full((2, 8, BINS), 1.0 / BINS), jnp.float32)
     made, unread = Made(counts, counts, counts, jnp.full(2, 1000.0)), jnp.zeros(2)
-    met = Met(made, share, unread, unread, unread, tempted, jnp.ones(2))
-    params = run.states.params._replace(feasibility={"step": {"params": ends}})
+    met = Met(made, share, unread, -none, none.at[:, 2].set(1 / 3), tempted, unread)  # a third of 2.4
+    params = run.states.params._replace(feasibility={"step": {"params": held}})
     contrast = run.states.adversary_opt._replace(met=met, reach=reach)
-    states = run.states._replace(params=params, adversary_opt=contrast, obs_stats=stats)
+    states = run.states._replace(params=params, adversary_opt=contrast)
     nets = make_networks(env, run.spec.method, run.spec.config)
     run = replace(run, spec=replace(run.spec, env=env), networks=nets, states=states)
     card = card_of(run)
     (never,) = card["never"]
-    assert (never["what"], never["limit"]) == ("rear above", pytest.approx(1.5 * 0.4 + 0.2))
+    assert (never["what"], never["limit"]) == ("rear above", pytest.approx(0.8))
     assert (never["tempted"], never["done"]) == (700.0, 3.0)
     assert any("Limits of actions were not looked for" in told for told in card["cannot_tell"])
     (untested,) = [told for told in card["cannot_tell"] if told.startswith("Not tested")]

@@ -38,8 +38,8 @@ class Met(NamedTuple):
     made: Made  # n
     share: Float[Array, "O B"]  # M / steps: mean over the iterations since the last limit was drawn
     iterations: Float[Array, ""]  # their number
-    lower: Float[Array, " O"]  # −UNLIMITED where there is none
-    upper: Float[Array, " O"]
+    lower: Float[Array, "*S O"]  # −UNLIMITED where there is none
+    upper: Float[Array, "*S O"]
     tempted: Float[Array, "2 O"]  # M beyond the lower and the upper limit when it was drawn
     settled: Float[Array, ""]  # 1 once none was drawn for as long as it takes
 
@@ -99,7 +99,7 @@ def beyond_others(at: Float[Array, "N T O"], mask: Float[Array, "N T"], met: Met
     return gone.sum(axis=-1, keepdims=True) > gone
 
 
-def of_observations(met: Met, scale: Scale) -> tuple[Float[Array, " O"], Float[Array, " O"]]:
+def of_observations(met: Met, scale: Scale) -> tuple[Float[Array, "*S O"], Float[Array, "*S O"]]:
     """The limits in the observation's own units; infinite where there is none."""
     lower, upper = (scale.middle + scale.half * limit for limit in (met.lower, met.upper))
     return jnp.where(met.lower > -UNLIMITED, lower, -jnp.inf), jnp.where(met.upper < UNLIMITED, upper, jnp.inf)
