@@ -25,8 +25,7 @@ RULE = (
     "Holds: the bootstrap interval of the mean over seeds keeps the limit. Does not hold: the mean does not keep it. Cannot be "
     "told: the mean keeps it and the interval does not. 1 is what the same learner earns on the truth, a mean over its seeds "
     "that is taken as known; S1 is the lift. A test of several bodies is averaged over them seed by seed, one on grids over "
-    "layouts. Violations are shares of timesteps on robots, on grids shares of episodes less those of the truth's plan. "
-    "Worlds without a cell of the row are left out."
+    "layouts. Violations are shares of timesteps on robots, on grids shares of episodes less those of the truth's plan."
 )
 
 
@@ -43,7 +42,7 @@ class Transfer(NamedTuple):
 
     def findings(self, study: Study) -> list[Finding]:
         lines = []
-        for env, least in _tested(study.swap, self.row, self.least).items():
+        for env, least in self.least.items():
             for where, values in self._values(study.swap, env):
                 what = f"{where}: share of what the truth earns ≥ {least:.2f}"
                 lines.append(_finding(env, what, values, least, most=False))
@@ -68,7 +67,7 @@ class Violation(NamedTuple):
 
     def findings(self, study: Study) -> list[Finding]:
         lines = []
-        for env, most in _tested(study.swap, self.row, self.most).items():
+        for env, most in self.most.items():
             for where, values in self._values(study.swap, env):
                 what = f"{where}: violations ≤ {100 * most:g} %"
                 lines.append(_finding(env, what, values, most, most=True))
@@ -81,12 +80,6 @@ class Violation(NamedTuple):
             for name in names_of(env, test) if env != GRID else ():
                 cell = cells.get((env, name, self.row))
                 yield name, None if cell is None else list(cell["metrics"]["violation_rate"])
-
-
-def _tested(cells: Cells, row: str, limits: Mapping[str, float]) -> Mapping[str, float]:
-    """Leave out the worlds in which the row was not tested; where it was tested in none, each has its cells missing."""
-    tested = {env for env, _, name in cells if name == row}
-    return {env: limit for env, limit in limits.items() if env in tested} if tested else limits
 
 
 def names_of(env: str, test: str) -> list[str]:

@@ -138,11 +138,13 @@ def test_of_obstacles_that_were_tempting_only_these_seeds_and_layouts_count():
     assert (sites.measured, sites.because) == ("—", "undefined")
 
 
-def test_worlds_without_a_cell_of_the_row_are_left_out_unless_it_has_none_at_all():
+def test_worlds_without_a_cell_of_the_row_are_lines_that_cannot_be_told():
     limits = {"swimmer": 0.95, "walker": 0.95}
     one = found(Transfer("mine", "S0", limits), *swap_of("S0", 109.0), robot("S0", "oracle", 1.0, env="walker"))
-    assert [line.env for line in one] == ["swimmer"]
-    assert [line.env for line in found(Violation("mine", ("S0",), limits), *swap_of("S0", 109.0))] == ["swimmer"]
+    two = found(Violation("mine", ("S0",), limits), *swap_of("S0", 109.0))
+    for lines in (one, two):
+        assert [(line.env, line.because) for line in lines] == [("swimmer", ""), ("walker", "cells missing: swap test")]
+        assert lines[1].verdict == "cannot be told"
     none = found(Transfer("mine", "S0", limits), robot("S0", "oracle", 1.0))
     assert [(line.env, line.because) for line in none] == [(env, "cells missing: swap test") for env in limits]
 
