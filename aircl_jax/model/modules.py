@@ -75,18 +75,28 @@ class Policy(nn.Module):
 
 
 class BoxGaussian(distrax.Distribution):
-    """A Gaussian over actions in the box's unit, whose density is per half-width: no unit of the action changes it."""
+    """A Gaussian over actions in the box's unit, whose density is per half-width: no unit of the action changes it.
 
-    def __init__(self, in_half_widths: distrax.MultivariateNormalDiag, box: Box) -> None:
+    What is drawn is clipped to [lower, upper], in half-widths; the density is that before it is clipped.
+    """
+
+    def __init__(
+        self,
+        in_half_widths: distrax.MultivariateNormalDiag,
+        box: Box,
+        lower: Float[Array, "*A"] | float = -jnp.inf,
+        upper: Float[Array, "*A"] | float = jnp.inf,
+    ) -> None:
         super().__init__()
         self.in_half_widths, self.box = in_half_widths, box
+        self.lower, self.upper = lower, upper
 
     @property
     def event_shape(self) -> tuple[int, ...]:
         return self.box.shape
 
     def _sample_n(self, key: PRNGKeyArray, n: int) -> Float[Array, "K A"]:
-        return self.box.from_half_widths(jnp.asarray(self.in_half_widths._sample_n(key, n)))
+        return self._clipped(jnp.asarray(self.in_half_widths._sample_n(key, n)))
 
     def log_prob(self, value: Float[Array, "*N A"]) -> Float[Array, "*N"]:
         return jnp.asarray(self.in_half_widths.log_prob(self.box.in_half_widths(value)))
@@ -95,13 +105,17 @@ class BoxGaussian(distrax.Distribution):
         return jnp.asarray(self.in_half_widths.entropy())
 
     def mean(self) -> Float[Array, " A"]:
-        return self.box.from_half_widths(jnp.asarray(self.in_half_widths.mean()))
+        """The Gaussian's mean, clipped: what is done without noise."""
+        return self._clipped(jnp.asarray(self.in_half_widths.mean()))
 
     def mode(self) -> Float[Array, " A"]:
         return self.mean()
 
     def stddev(self) -> Float[Array, " A"]:
         return self.box.half_width * jnp.asarray(self.in_half_widths.stddev())
+
+    def _clipped(self, in_half_widths: Float[Array, "*N A"]) -> Float[Array, "*N A"]:
+        return self.box.from_half_widths(jnp.clip(in_half_widths, self.lower, self.upper))
 
 
 class Table(nn.Module):

@@ -146,7 +146,10 @@ class BoundNetworks:
             head = head + obs @ self.params.entry_price
         if isinstance(self.env.action_space, Discrete):
             return distrax.Categorical(logits=head)
-        gaussian = distrax.MultivariateNormalDiag(head, jnp.exp(self.params.policy["params"]["log_std"]))
+        own = self.params.policy["params"]
+        gaussian = distrax.MultivariateNormalDiag(head, jnp.exp(own["log_std"]))
+        if "lower" in own:  # what was learned is forbidden is not done, whatever is drawn
+            return BoxGaussian(gaussian, self.env.action_space, own["lower"], own["upper"])
         return gaussian if self.env.action_space.is_unit else BoxGaussian(gaussian, self.env.action_space)
 
     def value(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, ""]:

@@ -94,7 +94,7 @@ def _policy(nets: BoundNetworks, obs: Slot, action: Slot) -> Exportable:
     inputs = (obs, Slot("t", (), "int32", "steps since the reset")) if timed else (obs,)
     if isinstance(nets.env.action_space, Box):
         outputs: Sequence[Slot] = (action._replace(name="mean"), action._replace(name="std"))
-        about = "π(·|s), a Gaussian; the world clips what is drawn"
+        about = f"π(·|s), a Gaussian; {_clipping(nets)}"
     else:
         outputs = (Slot("log_prob", (nets.env.action_space.n,), "float32", "natural logarithm of a probability"),)
         about = "log π(a|s) of every action"
@@ -107,6 +107,16 @@ def _policy(nets: BoundNetworks, obs: Slot, action: Slot) -> Exportable:
 
     call = jax.vmap(one) if timed else jax.vmap(lambda seen: one(seen, jnp.asarray(0)))
     return Exportable("policy", call, about, inputs, tuple(outputs))
+
+
+def _clipping(nets: BoundNetworks) -> str:
+    """Say to what a draw is clipped: by the world, or to learned limits of actions."""
+    own, space = nets.params.policy["params"], nets.env.action_space
+    if "lower" not in own or not isinstance(space, Box):
+        return "the world clips what is drawn"
+    ends = (np.clip(space.from_half_widths(own[side]), space.low, space.high) for side in ("lower", "upper"))
+    low, high = ([round(float(limit), 6) for limit in end] for end in ends)
+    return f"clip what is drawn to the learned limits, from {low} to {high}; the mean is clipped"
 
 
 def _feasibility(nets: BoundNetworks) -> Callable[[Array, Array, Array], Array]:

@@ -54,6 +54,6 @@ def bounded(env: Env, low: Float[Array, " O"], high: Float[Array, " O"]) -> Env:
     return replace(env, step=step)
 
 
-def clipped_world(env: Env, limit: float) -> Env:
-    """Clip every action to ±limit first."""
-    return replace(env, step=lambda key, state, action: env.step(key, state, jnp.clip(action, -limit, limit)))
+def clipped_world(env: Env, lower: Float[Array, "*A"] | float, upper: Float[Array, "*A"] | float) -> Env:
+    """Clip every action to [lower, upper] first."""
+    return replace(env, step=lambda key, state, action: env.step(key, state, jnp.clip(action, lower, upper)))

@@ -147,7 +147,7 @@ def _clipped(task: Task, draw: Sampler, free: LagrangianState, key: jax.Array) -
     limit = task.env.limit
     if limit is None or limit.bounds != "actions":
         return {}
-    world = clipped_world(task.env, limit.value)
+    world = clipped_world(task.env, -limit.value, limit.value)
     return {f"unconstrained expert, clipped to ±{limit.value:g}": measure(Sampler(world, draw.nets)(free, key, MEASURED))}
 
 

@@ -4,6 +4,9 @@ from aircl_jax.methods import METHODS
 
 ON_GRIDS = 1000  # the contrast rows' settings were chosen on seeds 200 to 203 of the default layout (docs/research.md)
 ON_ROBOTS = 110  # on earlier ones settings were chosen (docs/research.md)
+ON_WALKERS = 120  # on seeds 117 to 119 too
+GRIDS = 1000  # the contrast rows' settings were chosen on seeds 200 to 203 of the default layout (docs/research.md)
+ON_ROBOTS = 120  # on earlier ones settings were chosen (docs/research.md)
 GRIDS = ("gridworld", "nonmarkov")
 
 
@@ -16,4 +19,6 @@ def first_seed_of(env: str, method: str) -> int:
     """Return the first seed of a row's runs."""
     if not has_fresh_seeds(method):
         return 0
-    return ON_GRIDS if env in GRIDS else ON_ROBOTS
+    if env in GRIDS:
+        return ON_GRIDS
+    return ON_WALKERS if env == "walker" else ON_ROBOTS

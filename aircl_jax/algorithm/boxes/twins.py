@@ -1,7 +1,8 @@
 """The contrast row where actions are of a box: a reward by moments, limits by what a tempted twin of the policy does.
 
-One fused step of one seed, as in `trainer`. π is paid f and kept within the limits by PPO-Lagrangian. The twin goes on with f
-alone, from the π of the iteration in which the feature means have nearly met (docs/equations.md).
+One fused step of one seed, as in `trainer`. π is paid f and kept within the limits by PPO-Lagrangian; those of actions clip
+what it draws besides. The twin goes on with f alone, from the π of the iteration in which the feature means have nearly met
+(docs/equations.md).
 """
 
 from collections.abc import Callable
@@ -27,11 +28,12 @@ from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, ObsStats, Params, TrainState, Trajectory
 from envs import Box, Env
-from envs.robots.practice_worlds import bounded, restarting, weakened
+from envs.robots.practice_worlds import bounded, clipped_world, restarting
 
 ASKED = 5  # demonstrated trajectories in whose states the twin is asked each iteration
 WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
 MOST_CHARGED = 10.0  # of a step, where the line is 1
+MOST_STRAYS = 0.2  # of a rollout, where motors stop at the limits whatever is charged
 LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
 _NO_REPLAY: Any = None  # no term of the row has negatives
 
@@ -79,6 +81,7 @@ def make_steps(nets: Networks) -> Steps:
         met = state_limits.begin(expert, scale) if nets.feasibility_sees_state else None
         weights = moments.Weights(nothing, nothing)
         contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
+        params = params._replace(policy=held(nets, params.policy, params.feasibility, zero))
         return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
@@ -87,8 +90,8 @@ def make_steps(nets: Networks) -> Steps:
         before = nets.bind(state.params, state.obs_stats)
         free = practice_world(env, contrast.reach, config)
         bound = (contrast.since > 0).astype(jnp.float32)
-        held = weakened(free, *limits_of_motors(before, bound)) if nets.feasibility_sees_action else free
-        policy, practice = practising.roll_out(learning, before, state.ppo_opt, held, started, key_rollout)
+        world = free if nets.feasibility_sees_state else clipped_world(free, *motor_limits(before))
+        policy, practice = practising.roll_out(learning, before, state.ppo_opt, world, started, key_rollout)
 
         gap = moments.mean_features(before, expert) - moments.mean_features(before, policy)
         weights = moments.next_weights(contrast.weights, gap, state.step, config.iterations, config.moments)
@@ -111,9 +114,11 @@ def make_steps(nets: Networks) -> Steps:
             return practising.learn(learning, before, twin, tempted, pay, nothing, jnp.zeros(()), key_twin_update)[0], tempted
 
         twin, tempted = jax.lax.cond(contrast.since > 0, alone, lambda _: (new, policy), contrast.twin)
-        params = params._replace(policy=new.trained.policy, value=new.trained.value)
+        policy_params = held(nets, new.trained.policy, params.feasibility, (contrast.since + began > 0).astype(jnp.float32))
+        params = params._replace(policy=policy_params, value=new.trained.value)
+        done = policy if nets.feasibility_sees_state else policy._replace(action=jnp.clip(policy.action, *motor_limits(before)))
         metrics = {
-            **step_metrics(env, policy, policy, trajectory_feasibility(after, policy), expert_log_delta),
+            **step_metrics(env, done, done, trajectory_feasibility(after, done), expert_log_delta),
             **losses,
             "moment_gap": jnp.linalg.norm(gap),
             "multiplier": new.multiplier,
@@ -133,7 +138,8 @@ def make_steps(nets: Networks) -> Steps:
 def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
     """The learner's settings: the run's own where it has them.
 
-    A cost of the action alone is charged to it alone, with no discount: what is charged later is no fault of this one.
+    A cost of the action alone is charged to it alone, with no discount: what is charged later is no fault of this one. It is
+    charged less while π falls, since its motors stop at the limits in any case.
     """
     return replace(
         LearnerConfig(),
@@ -143,6 +149,7 @@ def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
         ppo=config.ppo,
         cost_discount=LearnerConfig().cost_discount if sees_state else 0.0,
         stray_cost=config.moments.stray_cost,
+        most_strays=LearnerConfig().most_strays if sees_state else MOST_STRAYS,
         multiplier_init=config.moments.multiplier_init,
         multiplier_rate=config.moments.multiplier_rate,
     )
@@ -197,12 +204,22 @@ def limited(nets: Networks, contrast: Contrast, stats: ObsStats) -> dict:
     return {"step": {"params": {"lower": lower, "upper": upper}}}
 
 
-def limits_of_motors(nets: BoundNetworks, bound: Float[Array, ""]) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
-    """The lower and the upper limit of each action in its own unit; beyond the box where `bound` is 0."""
-    drawn, space = nets.params.feasibility["step"]["params"], _box(nets.env)
-    ends = (jnp.where(bound > 0, drawn[side], free) for side, free in (("lower", -UNLIMITED), ("upper", UNLIMITED)))
-    lower, upper = (space.from_half_widths(end) for end in ends)
-    return lower, upper
+def held(nets: Networks, policy: Any, feasibility: dict, bound: Float[Array, ""]) -> Any:
+    """The policy's parameters with the limits of actions that clip what it draws; wider than any box where `bound` is 0.
+
+    Of a constraint on states they are those that were given.
+    """
+    if nets.feasibility_sees_state:
+        return policy
+    drawn = feasibility["step"]["params"]
+    ends = {side: jnp.where(bound > 0, drawn[side], free) for side, free in (("lower", -UNLIMITED), ("upper", UNLIMITED))}
+    return {"params": {**policy["params"], **ends}}
+
+
+def motor_limits(nets: BoundNetworks) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
+    """The lower and the upper limit at which the policy's motors stop, in the unit of each action."""
+    own, space = nets.params.policy["params"], _box(nets.env)
+    return space.from_half_widths(own["lower"]), space.from_half_widths(own["upper"])
 
 
 def beyond(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]:

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from aircl_jax.algorithm.learners.lagrangian import next_multiplier
-from aircl_jax.algorithm.learners.scale_free import Spread, falls, normalised, practise
+from aircl_jax.algorithm.learners.scale_free import Spread, falls, normalised, practise, risen_or_fallen
 from aircl_jax.algorithm.learners.scale_free_update import Trained, make_batch, update
 from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.learner_config import LearnerConfig
@@ -76,8 +75,9 @@ def learn(
     trained, opt, metrics = update(
         acting(nets, practice), practice.trained, practice.opt, batch, key, learning.optimiser, config
     )
-    risen = next_multiplier(practice.multiplier, (cost * trajectories.mask).sum(axis=1).mean(), config)
-    multiplier = jnp.where(bound > 0, risen, practice.multiplier)
+    spent = (cost * trajectories.mask).sum(axis=1).mean()
+    multiplier = risen_or_fallen(practice.multiplier, spent, trajectories.mask, config)
+    multiplier = jnp.where(bound > 0, multiplier, practice.multiplier)
     return Practice(trained, opt, multiplier, spread, practice.ends), metrics
 
 

@@ -14,7 +14,7 @@ from aircl_jax.algorithm.boxes import action_limits, state_limits, twins
 from aircl_jax.algorithm.measures import FINITE
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.methods import get_method
-from aircl_jax.model.features import LIMIT_SLOPE
+from aircl_jax.model.features import LIMIT_SLOPE, UNLIMITED
 from aircl_jax.settings.train_config import Coefficients, MomentConfig, PPOConfig, TrainConfig
 from envs import Box, Env, Step, make_env
 from tests.finished_runs import random_episodes
@@ -103,7 +103,7 @@ def test_no_true_reward_and_no_true_cost_is_read():
 
 def test_the_twin_is_the_policy_until_the_delay_and_goes_its_own_way_after_it():
     states, _ = ran()
-    alike = [same(state.adversary_opt.twin.trained.policy, state.params.policy) for state in states]
+    alike = [same(state.adversary_opt.twin.trained.policy, state.ppo_opt.trained.policy) for state in states]
     assert alike == [True] * 5 + [False]  # the step at which 3 have passed says so, the next one acts by it
     assert [float(state.adversary_opt.since) for state in states] == [0, 0, 0, 0, 1, 2]
 
@@ -116,7 +116,29 @@ def test_twin_and_constraint_begin_once_the_means_have_nearly_met_for_a_while():
 
 def test_the_parameters_of_a_state_are_those_that_its_practice_trains():
     for state in ran()[0]:
-        assert same((state.params.policy, state.params.value), (state.ppo_opt.trained.policy, state.ppo_opt.trained.value))
+        own = {name: leaf for name, leaf in state.params.policy["params"].items() if name not in ("lower", "upper")}
+        assert same((own, state.params.value), (state.ppo_opt.trained.policy["params"], state.ppo_opt.trained.value))
+
+
+def test_what_the_policy_draws_is_clipped_to_the_limits_once_they_bind_and_the_twin_is_not():
+    states, _ = ran()
+    nets = trainer_of(0.0).networks
+    for state, bound in zip(states, [False] * 4 + [True] * 2, strict=True):
+        own, drawn = state.params.policy["params"], state.params.feasibility["step"]["params"]
+        ends = (drawn["lower"], drawn["upper"]) if bound else (-UNLIMITED, UNLIMITED)
+        np.testing.assert_array_equal(own["lower"], ends[0])
+        np.testing.assert_array_equal(own["upper"], ends[1])
+    wide = {"log_std": jnp.zeros(1), "lower": jnp.array([-0.2]), "upper": jnp.array([0.3])}
+    last = states[-1]
+    policy = {"params": {**last.params.policy["params"], **wide}}
+    acting = nets.bind(last.params._replace(policy=policy), last.obs_stats)
+    lower, upper = twins.motor_limits(acting)
+    here: Any = acting.policy(jnp.zeros(1), jnp.zeros((), jnp.int32))
+    taken = np.asarray(here.sample(seed=jax.random.key(0), sample_shape=(200,)))
+    assert (taken.min(), taken.max()) == (float(lower[0]), float(upper[0])) == (np.float32(-0.2), np.float32(0.3))
+    assert 0 < ((taken > -0.2) & (taken < 0.3)).sum() < 200
+    free = acting.with_params(policy=last.adversary_opt.twin.trained.policy).policy(jnp.zeros(1), jnp.zeros((), jnp.int32))
+    assert not hasattr(free, "lower") or float(jnp.max(jnp.abs(free.lower))) > 1.0
 
 
 def test_m_is_what_the_twin_would_do_in_demonstrated_states_averaged_over_the_iterations():

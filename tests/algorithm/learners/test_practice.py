@@ -48,6 +48,16 @@ def test_the_multiplier_rises_by_what_is_spent_while_the_constraint_counts():
     assert float(learned(bound=0.0, cost=1.0, multiplier_init=0.5).multiplier) == 0.5
 
 
+def test_the_multiplier_falls_while_rollouts_stray_more_often_than_they_may():
+    mask = jnp.ones((CONFIG.num_trajectories, 4)).at[:8, 2].set(0.0)  # half of the rollouts stray once
+    after = {
+        most: float(learned(mask=mask, cost=1.0, multiplier_init=0.5, multiplier_rate=0.1, most_strays=most).multiplier)
+        for most in (8 / CONFIG.num_trajectories - 0.01, 8 / CONFIG.num_trajectories + 0.01)
+    }
+    assert list(after.values()) == [pytest.approx(0.5 * np.exp(step)) for step in (-0.1, 0.1)]
+    assert float(learned(bound=0.0, mask=mask, multiplier_init=0.5, most_strays=0.0).multiplier) == 0.5
+
+
 def test_without_the_constraint_a_cost_moves_no_policy():
     free, charged = learned(bound=0.0), learned(bound=0.0, cost=1.0)
     assert same(free.trained.policy, charged.trained.policy)
