@@ -68,11 +68,14 @@ def recovered_limits(result: Result) -> Limits | None:
 
 
 def measures_of_limits(nets: Networks, states: TrainState) -> dict[str, Float[np.ndarray, " S"]]:
-    """{recovered_limit/COORDINATE/upper|lower: [S]} of a row that has limits as parameters, NaN where none; else empty."""
+    """{recovered_limit/COORDINATE/upper|lower: [S]} of a row that has limits as parameters, NaN where none; else empty.
+
+    `untested` is the share of these that are none.
+    """
     if not nets.method.has_twin:
         return {}
     lower, upper = _drawn(nets, states)
-    return {
+    return {"untested": np.isnan([lower, upper]).mean(axis=(0, 2))} | {
         f"recovered_limit/{name}/{side}": values[:, index]
         for index, name in enumerate(names_of_inputs(nets))
         for side, values in (("upper", upper), ("lower", lower))

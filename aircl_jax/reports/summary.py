@@ -49,6 +49,11 @@ ANIMAL_MEANINGS = {  # of recorded animals: aircl_jax.algorithm.learners.likelih
     "held_out_log_prob": "log-probability a step on recordings that the seed did not draw",
     "held_out_recordings": "how many recordings the seed did not draw",
 }
+LIMIT_MEANINGS = {  # of rows with a twin: aircl_jax.algorithm.boxes
+    "moment_gap": "root mean square of E_E φ − E_π φ, in standard deviations of the demonstrations",
+    "strayed": "share of the policy's steps beyond the demonstrations' range by more than it may stray in practice",
+    "untested": "share of the limits of which none was drawn",
+}
 SWAP_MEANINGS = {  # of a run on a grid: aircl_jax.transfer.table_tests
     "self_return": "score of planning on (f, δ) in the same world: 0 the uniform policy's return, 1 the truth's",
     "self_violation": "episodes that violate in that plan, less those of the truth's plan",
@@ -72,7 +77,7 @@ def meaning(name: str) -> str:
     """Say what a measure is."""
     if name.startswith("recovered_limit/"):
         return "where δ₁ begins to forbid"
-    return (MEANINGS | ANIMAL_MEANINGS | SWAP_MEANINGS).get(name, "")
+    return (MEANINGS | ANIMAL_MEANINGS | LIMIT_MEANINGS | SWAP_MEANINGS).get(name, "")
 
 
 def statistics(per_seed: Sequence[Any] | np.ndarray, left_out: Collection[int] = ()) -> dict[str, Any]:

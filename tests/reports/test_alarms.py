@@ -1,11 +1,15 @@
 """What a report says first: what looks degenerate, and settings that nobody tuned."""
 
-from dataclasses import replace
+import re
+from dataclasses import asdict, replace
 
-from aircl_jax.reports.alarms import alarms, untuned
+import pytest
+
+from aircl_jax.reports.alarms import ALARMS, alarms, untuned
 from aircl_jax.settings.env_defaults import GUESTS, TUNED, config_of
 from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS, make_env
+from envs.settings import flatten
 
 
 def test_every_shipped_world_has_settings_of_its_own():
@@ -29,4 +33,27 @@ def test_a_world_of_ones_own_takes_no_settings_by_its_name():
 
 def test_an_alarm_names_the_seeds_that_it_rings_for():
     (sentence,) = alarms([3, 4], {"feasibility_auroc": {"per_seed": [0.4, 0.9]}})
-    assert sentence == "δ̄ is inverted: it ranks violating trajectories above clean ones (feasibility_auroc 0.4; seed 3)."
+    said, advice = sentence.split(". ", 1)
+    assert said == "δ̄ is inverted: it ranks violating trajectories above clean ones (feasibility_auroc 0.4; seed 3)"
+    assert advice.startswith("Look at what it forbids in card.md")
+
+
+@pytest.mark.parametrize(
+    ("metric", "rings", "silent", "advice"),
+    [
+        ("untested", 1.0, 0.9, "Give more demonstrations, or ones of a task that tempts more"),
+        ("moment_gap", 0.4, 0.3, "Train longer (iterations=), or roll out more (train.num_trajectories=)"),
+        ("strayed", 0.03, 0.01, "Train longer (iterations=)"),
+        ("feasibility_expert", 0.5, 0.7, "a smaller train.coefficients.threshold flags less"),
+    ],
+)
+def test_what_did_not_work_is_said_with_what_to_do(metric, rings, silent, advice):
+    (sentence,) = alarms([0, 1, 2], {metric: {"per_seed": [silent, rings, None]}})
+    assert f"({metric} {rings:.3g}; seed 1). " in sentence
+    assert advice in sentence
+
+
+def test_every_setting_that_an_alarm_names_exists():
+    named = {name for alarm in ALARMS for name in re.findall(r"train\.([\w.]+)=?", alarm.advice)}
+    assert named <= set(flatten(asdict(TrainConfig())))
+    assert len(named) >= 5

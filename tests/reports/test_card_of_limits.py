@@ -93,7 +93,9 @@ def test_the_limits_are_measures_of_every_seed_with_none_where_there_is_none():
     measures = measures_of_limits(run.networks, run.states)
     found = recovered_limits(run)
     assert found is not None
-    assert list(measures)[:2] == ["recovered_limit/motor front/upper", "recovered_limit/motor front/lower"]
+    np.testing.assert_array_equal(measures["untested"], np.isnan([found.upper, found.lower]).sum(axis=(0, 2)) / 4)
+    assert (measures["untested"] > 0).all() and (measures["untested"] < 1).all()
+    assert list(measures)[1:3] == ["recovered_limit/motor front/upper", "recovered_limit/motor front/lower"]
     for index, name in enumerate(found.names):
         np.testing.assert_array_equal(measures[f"recovered_limit/{name}/upper"], found.upper[:, index])
         np.testing.assert_array_equal(measures[f"recovered_limit/{name}/lower"], found.lower[:, index])
