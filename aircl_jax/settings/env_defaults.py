@@ -132,36 +132,40 @@ _CONTRAST_GRID = replace(
 )
 
 
-# The learner of docs/learner.md, 8,000 steps an iteration; π's rate would be 0 a few iterations after the last one.
-_CONTRAST_ROBOT = replace(
+# The learner of docs/learner.md; π's rate would be 0 a few iterations after the last one.
+_CONTRAST_BOX = replace(
     _ROBOT,
-    iterations=300,
-    num_trajectories=16,
     checkpoint_every=30,
-    feasibility_delay=120,
-    lr_decay_iterations=315,
     ppo=LearnerConfig().ppo,
     coefficients=Coefficients(threshold=0.05, pseudo_count=0.5),
 )
+STEPS = 8_000  # of π in an iteration
 
 
-STEPS_OF_ROBOTS = 500  # the shipped robots' horizon
+def contrast_of_box(horizon: int, actions: int) -> TrainConfig:
+    """The one configuration of the contrast row for a box of this many actions: more of them are learned for longer."""
+    iterations = 300 + 50 * max(0, actions - 2)
+    return replace(
+        _CONTRAST_BOX,
+        iterations=iterations,
+        num_trajectories=max(1, -(-STEPS // horizon)),
+        feasibility_delay=2 * iterations // 5,
+        lr_decay_iterations=21 * iterations // 20,
+    )
 
 
-_CONTRAST_WALKER = replace(_CONTRAST_ROBOT, iterations=500, feasibility_delay=200, lr_decay_iterations=525)
-
-
-# What the contrast rows run with. On the non-Markov grid the feasibility is the corrected row's.
+# What the contrast rows run with: between robots horizon and number of actions are all that differs. On the non-Markov grid
+# the feasibility is the corrected row's.
 CONTRAST: dict[str, TrainConfig] = {
     "gridworld": _CONTRAST_GRID,
     "nonmarkov": _TUNED_NONMARKOV,
-    "swimmer": _CONTRAST_ROBOT,
-    "walker": _CONTRAST_WALKER,
-    "halfcheetah": _CONTRAST_WALKER,
-    "hopper": _CONTRAST_WALKER,
-    "pendulum": replace(_CONTRAST_ROBOT, num_trajectories=80),
-    **dict.fromkeys(GUESTS, _CONTRAST_ROBOT),
-    "gymnasium": replace(_CONTRAST_ROBOT, num_trajectories=40),
+    "swimmer": contrast_of_box(500, 2),
+    "walker": contrast_of_box(500, 6),
+    "halfcheetah": contrast_of_box(500, 6),
+    "hopper": contrast_of_box(500, 3),
+    "pendulum": contrast_of_box(100, 1),
+    **dict.fromkeys(GUESTS, contrast_of_box(500, 2)),
+    "gymnasium": contrast_of_box(200, 1),
 }
 
 
@@ -210,9 +214,9 @@ def config_of(env: Env, settings: Settings) -> TrainConfig:
     """The settings of an environment; an Env of one's own takes none by its name."""
     if env.registered or settings == "likelihood":
         return default_config(env.name, settings)
-    steps = _CONTRAST_ROBOT.num_trajectories * STEPS_OF_ROBOTS
-    own = replace(_CONTRAST_ROBOT, num_trajectories=max(1, -(-steps // env.horizon)))
-    return own if settings == "contrast" and isinstance(env.action_space, Box) else TrainConfig()
+    if settings != "contrast" or not isinstance(env.action_space, Box):
+        return TrainConfig()
+    return contrast_of_box(env.horizon, env.action_space.feature_size)
 
 
 def unnamed_settings(env_name: str) -> dict[str, Any]:
