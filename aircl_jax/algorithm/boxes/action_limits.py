@@ -47,12 +47,19 @@ def _bins(values: Float[Array, "M I"]) -> Int[Array, "M I"]:
     return jnp.clip(((values + 1.0) / 2.0 * BINS).astype(jnp.int32), 0, BINS - 1)
 
 
-def share_expected(mean: Float[Array, "M A"], std: Float[Array, " A"], mask: Float[Array, " M"]) -> Float[Array, "A B"]:
-    """Mean over states of P(clip(ã_i) in each bin), ã ~ N(mean(s), std): nothing is drawn."""
+def share_expected(
+    mean: Float[Array, "M A"], std: Float[Array, " A"], action: Float[Array, "M A"], mask: Float[Array, " M"]
+) -> Float[Array, "A B"]:
+    """Mean over states of P(clip(ã_i) in each bin), ã ~ N(mean(s), std), where the demonstrated a_i is on that bin's side.
+
+    Sides are those of the box's middle. Elsewhere the two do not want the same, and no limit says why. Nothing is drawn.
+    """
     below = norm.cdf((EDGES[1:-1] - mean[..., None]) / std[:, None])  # [M, A, B − 1]
-    below = jnp.einsum("mab,m->ab", below, mask) / mask.sum()
-    ends = jnp.zeros((below.shape[0], 1))
-    return jnp.diff(jnp.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
+    weight = jnp.stack([action < 0.0, action > 0.0]) * mask[:, None] / mask.sum()  # [2, M, A]
+    inner = jnp.einsum("mab,sma->sab", below, weight)
+    whole = weight.sum(axis=1)[..., None]
+    of_sides = jnp.diff(jnp.concatenate([jnp.zeros_like(whole), inner, whole], axis=-1), axis=-1)
+    return jnp.where(jnp.arange(BINS) < BINS // 2, of_sides[0], of_sides[1])
 
 
 def limits(made: Made, share: Float[Array, "A B"], coefficients: Coefficients) -> tuple[Float[Array, " A"], Float[Array, " A"]]:

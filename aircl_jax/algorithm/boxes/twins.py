@@ -177,12 +177,13 @@ def practice_world(env: Env, reach: tuple[Array, Array], config: TrainConfig) ->
 
 
 def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Float[Array, "A B"]:
-    """How a policy's actions would be spread over the bins of each action in demonstrated states."""
+    """How a policy's actions would be spread over the bins of each action, where the demonstrated one is on the same side."""
     asked = take(expert, jax.random.permutation(key, expert.mask.shape[0])[:ASKED])
     obs = asked.obs.reshape(-1, asked.obs.shape[-1])
     now = jnp.zeros((), jnp.int32)  # no policy here sees the time
     mean = jax.vmap(lambda seen: _box(nets.env).in_half_widths(jnp.asarray(nets.policy(seen, now).mean())))(obs)
-    return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), asked.mask.ravel())
+    taken = jax.vmap(nets.env.action_space.features)(asked.action.reshape(len(obs), -1))
+    return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), taken, asked.mask.ravel())
 
 
 def met_by(contrast: Contrast, twin: Trajectory, config: TrainConfig) -> state_limits.Met | None:

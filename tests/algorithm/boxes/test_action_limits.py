@@ -44,14 +44,32 @@ def test_actions_are_counted_in_bins_with_the_outermost_of_each():
     assert float(made.greatest[0, 171]) == -UNLIMITED  # masked
 
 
-def test_expected_shares_are_those_of_the_clipped_gaussian():
-    mean, std = np.array([[0.3, -0.2], [0.9, 0.0]]), np.array([0.2, 0.5])
-    share = np.asarray(share_expected(jnp.asarray(mean), jnp.asarray(std), jnp.array([1.0, 0.0])))
+def test_expected_shares_are_those_of_the_clipped_gaussian_where_the_demonstrated_action_is_on_the_same_side():
+    mean, std = np.array([[0.3, -0.2], [0.9, 0.0], [0.4, 0.1]]), np.array([0.2, 0.5])
+    action, mask = np.array([[0.1, -0.7], [0.5, 0.5], [-0.2, 0.0]]), np.array([1.0, 0.0, 1.0])
+    share = np.asarray(share_expected(*(jnp.asarray(given) for given in (mean, std, action, mask))))
     edges = np.asarray(EDGES, float)
     for motor in range(2):
-        below = [NormalDist(mean[0, motor], std[motor]).cdf(edge) for edge in edges[1:-1]]
-        np.testing.assert_allclose(share[motor], np.diff([0.0, *below, 1.0]), atol=1e-5)
-    np.testing.assert_allclose(share.sum(axis=1), 1.0, atol=1e-5)
+        expected = np.zeros(BINS)
+        for state in (0, 2):  # not the masked one
+            below = [NormalDist(mean[state, motor], std[motor]).cdf(edge) for edge in edges[1:-1]]
+            inside = np.diff([0.0, *below, 1.0])
+            taken = action[state, motor]
+            expected += np.where(edges[:-1] >= -1e-9, inside * (taken > 0), inside * (taken < 0)) / 2
+        np.testing.assert_allclose(share[motor], expected, atol=1e-5)
+    assert share.sum() < 2.0
+
+
+def test_what_a_tempted_policy_does_where_demonstrations_go_the_other_way_draws_no_limit():
+    random = np.random.default_rng(1)
+    state = random.uniform(-1, 1, 4000)
+    action = np.where(state > 0, 0.5, -0.2) * random.uniform(size=4000)  # limited above; of its own will below
+    made = actions_made(jnp.asarray(action[:, None], jnp.float32), jnp.ones(4000))
+    for twin, below in ((np.where(state > 0, 0.9, -0.15), -UNLIMITED), (np.where(state > 0, -0.6, 0.9), -UNLIMITED)):
+        share = share_expected(jnp.asarray(twin[:, None]), jnp.asarray([0.05]), jnp.asarray(action[:, None]), jnp.ones(4000))
+        lower, upper = limits(made, share, COEFFICIENTS)
+        assert float(lower[0]) == below
+        assert float(upper[0]) == (pytest.approx(action.max()) if twin[state > 0][0] > 0 else UNLIMITED)
 
 
 def test_the_limit_is_the_outermost_action_where_a_tempted_policy_would_go_beyond():

@@ -155,7 +155,8 @@ def test_m_is_what_the_twin_would_do_in_demonstrated_states_averaged_over_the_it
         seen = expert.obs[which].reshape(-1, 1)
         mean = np.stack([np.asarray(acting.policy(obs, jnp.zeros((), jnp.int32)).mean()) for obs in seen])
         std = jnp.exp(policy["params"]["log_std"])
-        told.append(np.asarray(action_limits.share_expected(jnp.asarray(mean), std, jnp.ones(len(seen)))))
+        taken = expert.action[which].reshape(-1, 1)
+        told.append(np.asarray(action_limits.share_expected(jnp.asarray(mean), std, taken, jnp.ones(len(seen)))))
     np.testing.assert_allclose(states[-1].adversary_opt.expected, np.mean(told, axis=0), rtol=1e-3, atol=1e-5)
 
 
