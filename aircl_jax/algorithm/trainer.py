@@ -10,7 +10,7 @@ import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from aircl_jax.algorithm import adversary, cloning, entries
-from aircl_jax.algorithm.boxes import twins
+from aircl_jax.algorithm.boxes import baselines, twins
 from aircl_jax.algorithm.learners import exact, likelihood, ppo
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
@@ -40,9 +40,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     """Make the training loop's two functions for a method on an environment. `expert` is D_E, [N_E, T, …]."""
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
-    if method.has_twin:
+    if method.is_of_boxes:
         nets = make_networks(env, method, config)
-        steps = twins.make_steps(nets)
+        steps = (twins if method.has_twin else baselines).make_steps(nets)
         return Trainer(lambda key, expert: steps.init(key, expert, observation_stats(expert)), steps.step, nets)
     if method.is_fitted:
         return Trainer(*likelihood.make_steps(nets := make_networks(env, method, config)), nets, traced=False)

@@ -8,7 +8,7 @@ from aircl_jax.settings.train_config import AdversaryConfig, Coefficients, PPOCo
 from envs import ENVS, Box, Env
 from envs.settings import flatten
 
-Settings = Literal["paper", "tuned", "contrast", "likelihood"]
+Settings = Literal["paper", "tuned", "contrast", "practice", "likelihood"]
 
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
 
@@ -165,6 +165,12 @@ CONTRAST: dict[str, TrainConfig] = {
 }
 
 
+# What the baselines with our learner run with, in any world of a box.
+PRACTICE = replace(
+    _CONTRAST_ROBOT, feasibility_delay=0, step_network="additive", adversary=AdversaryConfig(num_steps=8, learning_rate=2e-3)
+)
+
+
 # What is fitted by likelihood runs with, in any world: one fit.
 LIKELIHOOD = TrainConfig(iterations=1, checkpoint_every=1)
 
@@ -203,6 +209,9 @@ def default_config(env_name: str, settings: Settings) -> TrainConfig:
     """The settings of an environment for the paper's rows or for ours; those of TrainConfig where it is not in the table."""
     if settings == "likelihood":
         return LIKELIHOOD
+    if settings == "practice":
+        options: Any = ENVS[env_name].options().resolved() if env_name in ENVS else None
+        return _rolled_out(PRACTICE, options.horizon) if options else PRACTICE
     return {"paper": PAPER, "tuned": TUNED, "contrast": CONTRAST}[settings].get(env_name, TrainConfig())
 
 
@@ -210,9 +219,14 @@ def config_of(env: Env, settings: Settings) -> TrainConfig:
     """The settings of an environment; an Env of one's own takes none by its name."""
     if env.registered or settings == "likelihood":
         return default_config(env.name, settings)
-    steps = _CONTRAST_ROBOT.num_trajectories * STEPS_OF_ROBOTS
-    own = replace(_CONTRAST_ROBOT, num_trajectories=max(1, -(-steps // env.horizon)))
-    return own if settings == "contrast" and isinstance(env.action_space, Box) else TrainConfig()
+    of_boxes = {"contrast": _CONTRAST_ROBOT, "practice": PRACTICE}
+    known = isinstance(env.action_space, Box) and settings in of_boxes
+    return _rolled_out(of_boxes[settings], env.horizon) if known else TrainConfig()
+
+
+def _rolled_out(config: TrainConfig, horizon: int) -> TrainConfig:
+    """As many rollouts an iteration as make the steps of the shipped robots' settings, whatever the horizon."""
+    return replace(config, num_trajectories=max(1, -(-_CONTRAST_ROBOT.num_trajectories * STEPS_OF_ROBOTS // horizon)))
 
 
 def unnamed_settings(env_name: str) -> dict[str, Any]:

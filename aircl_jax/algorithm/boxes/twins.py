@@ -33,7 +33,7 @@ ASKED = 5  # demonstrated trajectories in whose states the twin is asked each it
 WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
 MOST_CHARGED = 10.0  # of a step, where the line is 1
 LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
-_NO_REPLAY: Any = None  # no term of the row has negatives
+NO_REPLAY: Any = None  # no term of these rows has earlier policies for negatives
 
 
 class Contrast(NamedTuple):
@@ -63,7 +63,7 @@ def make_steps(nets: Networks) -> Steps:
         ValueError: in one line, where actions are not of a bounded box, or the task ends at the horizon.
     """
     env, config = nets.env, nets.config
-    _box(env)
+    box_of(env)
     settings = learner_of(config, sees_state=nets.feasibility_sees_state)
     learning = Learning(settings, make_optimiser(settings, env.horizon))
 
@@ -79,7 +79,7 @@ def make_steps(nets: Networks) -> Steps:
         met = state_limits.begin(expert, scale) if nets.feasibility_sees_state else None
         weights = moments.Weights(nothing, nothing)
         contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
-        return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
+        return TrainState(params, practice, contrast, stats, NO_REPLAY, key, jnp.zeros((), jnp.int32))
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_asked, key_update, key_twin, key_twin_update = jax.random.split(state.key, 6)
@@ -125,7 +125,7 @@ def make_steps(nets: Networks) -> Steps:
         metrics[FINITE] = all_finite((params, losses, policy.obs)).astype(jnp.float32)
         since, met = contrast.since + began, met_by(contrast, tempted, config)
         contrast = Contrast(weights, contrast.made, expected, near, since, twin, contrast.reach, met)
-        return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
+        return TrainState(params, new, contrast, state.obs_stats, NO_REPLAY, key, state.step + 1), metrics
 
     return Steps(init, step)
 
@@ -174,7 +174,7 @@ def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Floa
     asked = take(expert, jax.random.permutation(key, expert.mask.shape[0])[:ASKED])
     obs = asked.obs.reshape(-1, asked.obs.shape[-1])
     now = jnp.zeros((), jnp.int32)  # no policy here sees the time
-    mean = jax.vmap(lambda seen: _box(nets.env).in_half_widths(jnp.asarray(nets.policy(seen, now).mean())))(obs)
+    mean = jax.vmap(lambda seen: box_of(nets.env).in_half_widths(jnp.asarray(nets.policy(seen, now).mean())))(obs)
     return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), asked.mask.ravel())
 
 
@@ -199,7 +199,7 @@ def limited(nets: Networks, contrast: Contrast, stats: ObsStats) -> dict:
 
 def limits_of_motors(nets: BoundNetworks, bound: Float[Array, ""]) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
     """The lower and the upper limit of each action in its own unit; beyond the box where `bound` is 0."""
-    drawn, space = nets.params.feasibility["step"]["params"], _box(nets.env)
+    drawn, space = nets.params.feasibility["step"]["params"], box_of(nets.env)
     ends = (jnp.where(bound > 0, drawn[side], free) for side, free in (("lower", -UNLIMITED), ("upper", UNLIMITED)))
     lower, upper = (space.from_half_widths(end) for end in ends)
     return lower, upper
@@ -216,8 +216,9 @@ def beyond(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]
     return jnp.where(delta < jnp.log(FORBIDDEN_BELOW), charged, 0.0) * trajectories.mask
 
 
-def _box(env: Env) -> Box:
+def box_of(env: Env, instead: str = "aircl_corrected") -> Box:
+    """The box of a world's actions. Raises ValueError, which says what to choose `instead`, where the row cannot run."""
     space = env.action_space
     if not isinstance(space, Box) or not space.is_bounded or env.finite_horizon:
-        raise ValueError(f"env={env.name} is no world of a bounded box of actions that goes on; choose aircl_corrected")
+        raise ValueError(f"env={env.name} is no world of a bounded box of actions that goes on; choose {instead}")
     return space
