@@ -15,6 +15,7 @@ from aircl_jax.algorithm.learners import exact, likelihood, ppo
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.algorithm.sampler import refresh
 from aircl_jax.algorithm.scoring import calibrated, roll_out_and_draw
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.methods import Method
@@ -144,9 +145,3 @@ def observation_stats(expert: Trajectory) -> ObsStats:
     weight = expert.mask / expert.mask.sum()
     mean = jnp.einsum("nt,nto->o", weight, expert.obs)
     return ObsStats.of(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
-
-
-def refresh(replay: Trajectory, policy: Trajectory, key: PRNGKeyArray, rate: float) -> Trajectory:
-    """Overwrite each slot of the replay with this iteration's trajectory with probability `rate`."""
-    fresh = jax.random.bernoulli(key, rate, (policy.mask.shape[0],))
-    return jax.tree.map(lambda old, new: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old), replay, policy)

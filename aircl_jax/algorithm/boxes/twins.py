@@ -33,7 +33,7 @@ ASKED = 5  # demonstrated trajectories in whose states the twin is asked each it
 WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
 MOST_CHARGED = 10.0  # of a step, where the line is 1
 LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
-NO_REPLAY: Any = None  # no term of these rows has earlier policies for negatives
+_NO_REPLAY: Any = None  # no term of the row has negatives
 
 
 class Contrast(NamedTuple):
@@ -79,7 +79,7 @@ def make_steps(nets: Networks) -> Steps:
         met = state_limits.begin(expert, scale) if nets.feasibility_sees_state else None
         weights = moments.Weights(nothing, nothing)
         contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
-        return TrainState(params, practice, contrast, stats, NO_REPLAY, key, jnp.zeros((), jnp.int32))
+        return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_asked, key_update, key_twin, key_twin_update = jax.random.split(state.key, 6)
@@ -125,7 +125,7 @@ def make_steps(nets: Networks) -> Steps:
         metrics[FINITE] = all_finite((params, losses, policy.obs)).astype(jnp.float32)
         since, met = contrast.since + began, met_by(contrast, tempted, config)
         contrast = Contrast(weights, contrast.made, expected, near, since, twin, contrast.reach, met)
-        return TrainState(params, new, contrast, state.obs_stats, NO_REPLAY, key, state.step + 1), metrics
+        return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
 
     return Steps(init, step)
 
