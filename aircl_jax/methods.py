@@ -19,11 +19,12 @@ class Method:
     centred: bool = False  # the logits of D are taken less their mean over both sets, and π is paid f less its mean over D_E
     constrained_policy: bool = False  # log δ enters the policy's reward
     network: Literal["mlp", "linear"] = "mlp"
-    # twins: one policy by PPO-Lagrangian, one by f alone (docs/equations.md); likelihood: no policy is trained, all is fitted
-    learner: Literal["ppo", "cloning", "twins", "likelihood"] = "ppo"
+    # practice: a policy by PPO-Lagrangian in a practice world; twins: two there, one by f alone (docs/equations.md);
+    # likelihood: no policy is trained, all is fitted
+    learner: Literal["ppo", "cloning", "twins", "practice", "likelihood"] = "ppo"
     state_reward: bool = False  # f(s, a) = g(s) + E[h(s')] − h(s), h linear in where one is; else f(s, a) is any function
     tests_entries: bool = False  # δ₁ is of the state that a step enters and is paid on the way in; else of the step itself
-    settings: Literal["paper", "tuned", "contrast", "likelihood"] = "paper"  # which defaults of `config` it runs with
+    settings: Literal["paper", "tuned", "contrast", "practice", "likelihood"] = "paper"  # its defaults of `config`
 
     @property
     def learns_feasibility(self) -> bool:
@@ -65,6 +66,21 @@ class Method:
     def has_twin(self) -> bool:
         """Whether θ follows the moments and a policy of f alone says what was tempting: worlds without a table."""
         return self.learner == "twins"
+
+    @property
+    def practises(self) -> bool:
+        """Whether one policy learns by PPO-Lagrangian beside an adversary: only where actions are of a box."""
+        return self.learner == "practice"
+
+    @property
+    def is_of_boxes(self) -> bool:
+        """Whether π learns in practice, where actions are of a box; δ₁ is then of states or of actions, not of both."""
+        return self.has_twin or self.practises
+
+    @property
+    def rewards_observations(self) -> bool:
+        """Whether f is a function of s̃ alone: a reward of states where no table says what an action leads to."""
+        return self.state_reward and self.is_of_boxes
 
     @property
     def is_fitted(self) -> bool:
@@ -128,11 +144,18 @@ _CONTRAST = Method(
 )
 _CONTRAST_OF_ACTIONS = replace(_CONTRAST, terms=(), tests_entries=False, learner="twins")
 _AIRL = Method(reward="learned", discriminator_of="step", feasibility="none", terms=("discriminator",))
+_GACL = replace(_ICRL, discriminator_of="feasibility", terms=("gacl",))
+
+
+def _in_practice(row: Method) -> Method:
+    """A row with the learner and the settings of the contrast row where actions are of a box."""
+    return replace(row, learner="practice", settings="practice")
+
 
 METHODS: dict[str, Method] = {
     "airl": _AIRL,
     "airl_centred": replace(_AIRL, centred=True, sampled_from="pool", settings="tuned"),
-    "gacl": replace(_ICRL, discriminator_of="feasibility", terms=("gacl",)),
+    "gacl": _GACL,
     "icrl": _ICRL,
     "icrl_prior": replace(_ICRL, terms=("icrl", "contrast")),
     "aircl": _AIRCL,
@@ -154,6 +177,9 @@ METHODS: dict[str, Method] = {
     "behaviour": Method(
         reward="learned", discriminator_of="none", feasibility="step", terms=(), learner="likelihood", settings="likelihood"
     ),
+    "airl_tuned": _in_practice(replace(_AIRL, centred=True, state_reward=True)),
+    "gacl_tuned": _in_practice(_GACL),
+    "icrl_tuned": _in_practice(_ICRL),
     "bc": replace(_AIRL, discriminator_of="none", terms=(), learner="cloning"),
 }
 

@@ -44,7 +44,8 @@ LEGEND = (
 )
 ELSEWHERE = ("aircl_corrected", "airl_centred", "aircl")  # the rows that also run on the other worlds, and a contrast row
 ROWS: dict[str, tuple[str, ...]] = {
-    "default": tuple(name for name, method in METHODS.items() if not method.is_fitted),  # those are fitted to recordings
+    # All but those that are fitted to recordings, or practise where actions are of a box.
+    "default": tuple(name for name, method in METHODS.items() if not method.is_fitted and not method.practises),
     "second layout": (*ELSEWHERE, "aircl_contrast"),
     "third layout": (*ELSEWHERE, "aircl_contrast"),
     "non-Markov": (*ELSEWHERE, "aircl_contrast_memory"),  # no entry can be counted where a state is not seen whole

@@ -1,10 +1,12 @@
-"""Draw D_S from policy trajectories by their feasibility: q(τ) ∝ π(τ) · δ̄(τ) (Eq. 9; Algorithm 1, line 3)."""
+"""Draw D_S from policy trajectories by their feasibility, q(τ) ∝ π(τ) · δ̄(τ) (Eq. 9; Algorithm 1, line 3); keep a replay."""
 
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from aircl_jax.types import Trajectory
 
 MIN_EFFECTIVE_SHARE = 0.1  # effective sample size below which a few trajectories hold all weight, so that draws are uniform
 
@@ -44,3 +46,9 @@ def _systematic(probability: Float[Array, " P"], number: int, key: PRNGKeyArray)
     positions = (jnp.arange(number) + jax.random.uniform(key)) / number
     cumulative = jnp.cumsum(probability)
     return jnp.searchsorted(cumulative / cumulative[-1], positions, method="compare_all").clip(0, len(probability) - 1)
+
+
+def refresh(replay: Trajectory, policy: Trajectory, key: PRNGKeyArray, rate: float) -> Trajectory:
+    """Overwrite each slot of the replay with this iteration's trajectory with probability `rate`."""
+    fresh = jax.random.bernoulli(key, rate, (policy.mask.shape[0],))
+    return jax.tree.map(lambda old, new: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old), replay, policy)

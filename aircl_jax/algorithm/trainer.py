@@ -10,11 +10,12 @@ import optax
 from jaxtyping import Array, Int, PRNGKeyArray
 
 from aircl_jax.algorithm import adversary, cloning, entries
-from aircl_jax.algorithm.boxes import twins
+from aircl_jax.algorithm.boxes import baselines, twins
 from aircl_jax.algorithm.learners import exact, likelihood, ppo
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.algorithm.sampler import refresh
 from aircl_jax.algorithm.scoring import calibrated, roll_out_and_draw
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.methods import Method
@@ -40,9 +41,9 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
     """Make the training loop's two functions for a method on an environment. `expert` is D_E, [N_E, T, …]."""
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
-    if method.has_twin:
+    if method.is_of_boxes:
         nets = make_networks(env, method, config)
-        steps = twins.make_steps(nets)
+        steps = (twins if method.has_twin else baselines).make_steps(nets)
         return Trainer(lambda key, expert: steps.init(key, expert, observation_stats(expert)), steps.step, nets)
     if method.is_fitted:
         return Trainer(*likelihood.make_steps(nets := make_networks(env, method, config)), nets, traced=False)
@@ -144,9 +145,3 @@ def observation_stats(expert: Trajectory) -> ObsStats:
     weight = expert.mask / expert.mask.sum()
     mean = jnp.einsum("nt,nto->o", weight, expert.obs)
     return ObsStats.of(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
-
-
-def refresh(replay: Trajectory, policy: Trajectory, key: PRNGKeyArray, rate: float) -> Trajectory:
-    """Overwrite each slot of the replay with this iteration's trajectory with probability `rate`."""
-    fresh = jax.random.bernoulli(key, rate, (policy.mask.shape[0],))
-    return jax.tree.map(lambda old, new: jnp.where(fresh.reshape(-1, *[1] * (old.ndim - 1)), new, old), replay, policy)

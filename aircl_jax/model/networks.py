@@ -61,7 +61,7 @@ class Networks:
 
     def _init_reward(self, key: PRNGKeyArray) -> Any:
         if self.moves is None:
-            return self.reward_net.init(key, jnp.zeros(self.env.obs_size if self.method.has_twin else self.reward_size))
+            return self.reward_net.init(key, jnp.zeros(self.reward_size))
         size = self.reward_size - self.env.action_space.feature_size
         return {"state": self.reward_net.init(key, jnp.zeros(size)), "potential": jnp.zeros(self.moves.shape[-1])}
 
@@ -74,10 +74,10 @@ class Networks:
     def constraint_input(self) -> str:
         """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows.
 
-        A row with a twin counts one of the two: states where the constraint is known to be of states alone, else actions.
+        A row of boxes tests one of the two: states where the constraint is known to be of states alone, else actions.
         """
         told = self.env.constraint_input if self.config.constraint_input == "env" else self.config.constraint_input
-        if self.method.has_twin:
+        if self.method.is_of_boxes:
             return "state" if told == "state" else "action"
         return told if self.config.constraint_input != "env" or self.method.is_ratio_test else "state_action"
 
@@ -96,6 +96,8 @@ class Networks:
 
     @property
     def reward_size(self) -> int:
+        if self.method.rewards_observations:
+            return self.env.obs_size
         seen = (self.config.reward_input == "view" and self.env.reward_view_size) or self.env.obs_size
         return seen + self.env.action_space.feature_size
 
@@ -148,9 +150,8 @@ class BoundNetworks:
             return distrax.Categorical(logits=head)
         own = self.params.policy["params"]
         gaussian = distrax.MultivariateNormalDiag(head, jnp.exp(own["log_std"]))
-        if "lower" in own:  # what was learned is forbidden is not done, whatever is drawn
-            return BoxGaussian(gaussian, self.env.action_space, own["lower"], own["upper"])
-        return gaussian if self.env.action_space.is_unit else BoxGaussian(gaussian, self.env.action_space)
+        ends = [own[side] for side in ("lower", "upper") if side in own]  # beyond them nothing is done, whatever is drawn
+        return BoxGaussian(gaussian, self.env.action_space, *ends) if ends or not self.env.action_space.is_unit else gaussian
 
     def value(self, obs: Float[Array, " O"], t: Int[Array, ""]) -> Float[Array, ""]:
         """V(s_t)."""
@@ -158,7 +159,7 @@ class BoundNetworks:
 
     def reward(self, obs: Float[Array, " O"], action: Shaped[Array, "*A"]) -> Float[Array, ""]:
         """f_θ(s, a), on the environment's smooth coordinates or on s̃; of a reward of states g(s) + E[h(s')] − h(s)."""
-        if self.method.has_twin:
+        if self.method.rewards_observations:
             return self.networks.reward_net.apply(self.params.reward, self.normalise(obs))[0]
         taken = self.env.action_space.features(action)
         if self.networks.moves is not None:
@@ -264,6 +265,6 @@ def make_networks(env: Env, method: Method, config: TrainConfig) -> Networks:
         size = env.horizon, env.obs_size
         policy_net, value_net = Table(*size, env.action_space.feature_size), Table(*size, 1)
     sequence_net = LinearEncoder() if linear else ENCODERS[config.encoder](config.hidden)
-    moves = expected_moves(env) if method.state_reward and not method.has_twin else None
+    moves = expected_moves(env) if method.state_reward and not method.is_of_boxes else None
     made = Networks(env, method, config, policy_net, value_net, reward_net, step_net, sequence_net, moves)
     return replace(made, **behaviour_modules(env)) if method.is_fitted else made

@@ -26,6 +26,10 @@ _LOG_POLICY = (
     "Reward and constraint are not separable here: f = log π_E. A discriminator is at rest where f equals the logarithm of "
     "the demonstrators' policy and a constant, so f repeats what they do, constraint included, and not why."
 )
+_OF_VISITS = (
+    "Reward and constraint are not separable here: a discriminator's reward of states says where the demonstrations are and "
+    "the policy was not, whatever the reason."
+)
 _LIKELIHOOD = (
     "The reward is the smallest one of states that explains the demonstrations; whether it holds a part of the constraint "
     "was not tested."
@@ -53,7 +57,8 @@ def card_of(result: Result) -> dict[str, Any]:
     if not method.learns_reward:
         cannot.append(_NO_REWARD if method.clones else _KNOWN_REWARD)
     else:
-        cannot.append(_LIKELIHOOD if method.state_reward else _LOG_POLICY)
+        of_states = _OF_VISITS if method.discriminates else _LIKELIHOOD
+        cannot.append(of_states if method.state_reward else _LOG_POLICY)
     if not method.learns_feasibility:
         cannot.append("No constraint was learned: what is not done may be disliked or forbidden.")
     elif not method.tests_steps:

@@ -8,7 +8,7 @@ from aircl_jax.settings.train_config import AdversaryConfig, Coefficients, PPOCo
 from envs import ENVS, Box, Env
 from envs.settings import flatten
 
-Settings = Literal["paper", "tuned", "contrast", "likelihood"]
+Settings = Literal["paper", "tuned", "contrast", "practice", "likelihood"]
 
 _GRID = TrainConfig(num_trajectories=70, num_demonstrations=70, ppo=PPOConfig(discount=1.0, minibatch_size=700))
 
@@ -154,19 +154,33 @@ def contrast_of_box(horizon: int, actions: int) -> TrainConfig:
     )
 
 
+# Horizon and number of actions where no other are given; a world of another library may have others.
+BOXES = {
+    "swimmer": (500, 2),
+    "walker": (500, 6),
+    "halfcheetah": (500, 6),
+    "hopper": (500, 3),
+    "pendulum": (100, 1),
+    **dict.fromkeys(GUESTS, (500, 2)),
+    "gymnasium": (200, 1),
+}
+
+
 # What the contrast rows run with: between robots horizon and number of actions are all that differs. On the non-Markov grid
 # the feasibility is the corrected row's.
 CONTRAST: dict[str, TrainConfig] = {
     "gridworld": _CONTRAST_GRID,
     "nonmarkov": _TUNED_NONMARKOV,
-    "swimmer": contrast_of_box(500, 2),
-    "walker": contrast_of_box(500, 6),
-    "halfcheetah": contrast_of_box(500, 6),
-    "hopper": contrast_of_box(500, 3),
-    "pendulum": contrast_of_box(100, 1),
-    **dict.fromkeys(GUESTS, contrast_of_box(500, 2)),
-    "gymnasium": contrast_of_box(200, 1),
+    **{name: contrast_of_box(*shape) for name, shape in BOXES.items()},
 }
+
+
+def practice_of_box(horizon: int, actions: int) -> TrainConfig:
+    """What the baselines with the contrast row's learner run with, in any world of a box."""
+    shared = contrast_of_box(horizon, actions)
+    return replace(
+        shared, feasibility_delay=0, step_network="additive", adversary=AdversaryConfig(num_steps=8, learning_rate=2e-3)
+    )
 
 
 # What is fitted by likelihood runs with, in any world: one fit.
@@ -207,6 +221,8 @@ def default_config(env_name: str, settings: Settings) -> TrainConfig:
     """The settings of an environment for the paper's rows or for ours; those of TrainConfig where it is not in the table."""
     if settings == "likelihood":
         return LIKELIHOOD
+    if settings == "practice":
+        return practice_of_box(*BOXES[env_name]) if env_name in BOXES else TrainConfig()
     return {"paper": PAPER, "tuned": TUNED, "contrast": CONTRAST}[settings].get(env_name, TrainConfig())
 
 
@@ -214,9 +230,10 @@ def config_of(env: Env, settings: Settings) -> TrainConfig:
     """The settings of an environment; an Env of one's own takes none by its name."""
     if env.registered or settings == "likelihood":
         return default_config(env.name, settings)
-    if settings != "contrast" or not isinstance(env.action_space, Box):
+    of_boxes = {"contrast": contrast_of_box, "practice": practice_of_box}
+    if settings not in of_boxes or not isinstance(env.action_space, Box):
         return TrainConfig()
-    return contrast_of_box(env.horizon, env.action_space.feature_size)
+    return of_boxes[settings](env.horizon, env.action_space.feature_size)
 
 
 def unnamed_settings(env_name: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ GRIDS = ("gridworld", "nonmarkov")
 
 def has_fresh_seeds(method: str) -> bool:
     """Whether the rows of a method have seeds, and settings, that no other rows have."""
-    return METHODS[method].settings == "contrast"
+    return METHODS[method].settings in ("contrast", "practice")
 
 
 def first_seed_of(env: str, method: str) -> int:

@@ -130,10 +130,11 @@ def test_a_shorter_run_is_refused(finished):
 
 
 @pytest.mark.slow
-def test_a_robots_row_with_a_twin_goes_on_bit_for_bit(tmp_path):
+@pytest.mark.parametrize("method", ["aircl_contrast", "airl_tuned", "icrl_tuned"])
+def test_a_robots_row_that_practises_goes_on_bit_for_bit(tmp_path, method):
     settings: dict[str, Any] = {
         "env": "swimmer",
-        "method": "aircl_contrast",
+        "method": method,
         "seeds": 2,
         "config": {"checkpoint_every": 2, "num_trajectories": 4, "feasibility_delay": 1, "num_evaluation": 2},
     }

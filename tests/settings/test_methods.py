@@ -15,6 +15,9 @@ OURS = [
     "aircl_contrast",
     "aircl_contrast_memory",
     "behaviour",
+    "airl_tuned",
+    "gacl_tuned",
+    "icrl_tuned",
     "bc",
 ]
 # What a term reads: without it the term would be a constant.
@@ -61,7 +64,9 @@ def test_an_ablation_differs_from_its_row_in_one_thing(ablation, full, changes):
 
 
 def test_only_gacl_and_icrl_know_the_true_reward():
-    assert {name for name, row in METHODS.items() if row.needs_true_reward} == {"gacl", "icrl", "icrl_prior"}
+    assert {name for name, row in METHODS.items() if row.needs_true_reward} == {
+        *("gacl", "icrl", "icrl_prior", "gacl_tuned", "icrl_tuned"),
+    }
 
 
 @pytest.mark.parametrize("name", PAPER)
@@ -69,7 +74,16 @@ def test_log_feasibility_enters_the_policy_reward_only_where_the_paper_says_so(n
     assert METHODS[name].constrained_policy == (name in {"gacl", "icrl", "icrl_prior"})
 
 
-@pytest.mark.parametrize(("name", "switch", "present"), [("aircl", "off", False), ("icrl", "on", True), ("gacl", "on", True)])
+@pytest.mark.parametrize(
+    ("name", "switch", "present"),
+    [
+        ("aircl", "off", False),
+        ("icrl", "on", True),
+        ("gacl", "on", True),
+        ("icrl_tuned", "on", True),
+        ("gacl_tuned", "on", True),
+    ],
+)
 def test_contrast_prior_can_be_switched_on_any_row_with_a_feasibility(name, switch, present):
     row = get_method(name, switch)
     assert ("contrast" in row.terms) == present
@@ -77,9 +91,10 @@ def test_contrast_prior_can_be_switched_on_any_row_with_a_feasibility(name, swit
     assert [one for one in row.terms if one != "contrast"] == [one for one in METHODS[name].terms if one != "contrast"]
 
 
-def test_contrast_prior_is_refused_where_there_is_no_feasibility():
-    with pytest.raises(ValueError, match="airl has no feasibility"):
-        get_method("airl", "on")
+@pytest.mark.parametrize("name", ["airl", "airl_tuned"])
+def test_contrast_prior_is_refused_where_there_is_no_feasibility(name):
+    with pytest.raises(ValueError, match=f"{name} has no feasibility"):
+        get_method(name, "on")
 
 
 def test_unknown_method_is_named_with_the_choices():

@@ -65,7 +65,7 @@ def make_steps(nets: Networks) -> Steps:
         ValueError: in one line, where actions are not of a bounded box, or the task ends at the horizon.
     """
     env, config = nets.env, nets.config
-    _box(env)
+    box_of(env)
     settings = learner_of(config, sees_state=nets.feasibility_sees_state)
     learning = Learning(settings, make_optimiser(settings, env.horizon))
 
@@ -181,7 +181,7 @@ def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Floa
     asked = take(expert, jax.random.permutation(key, expert.mask.shape[0])[:ASKED])
     obs = asked.obs.reshape(-1, asked.obs.shape[-1])
     now = jnp.zeros((), jnp.int32)  # no policy here sees the time
-    mean = jax.vmap(lambda seen: _box(nets.env).in_half_widths(jnp.asarray(nets.policy(seen, now).mean())))(obs)
+    mean = jax.vmap(lambda seen: box_of(nets.env).in_half_widths(jnp.asarray(nets.policy(seen, now).mean())))(obs)
     taken = jax.vmap(nets.env.action_space.features)(asked.action.reshape(len(obs), -1))
     return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), taken, asked.mask.ravel())
 
@@ -219,7 +219,7 @@ def held(nets: Networks, policy: Any, feasibility: dict, bound: Float[Array, ""]
 
 def motor_limits(nets: BoundNetworks) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
     """The lower and the upper limit at which the policy's motors stop, in the unit of each action."""
-    own, space = nets.params.policy["params"], _box(nets.env)
+    own, space = nets.params.policy["params"], box_of(nets.env)
     return space.from_half_widths(own["lower"]), space.from_half_widths(own["upper"])
 
 
@@ -234,8 +234,9 @@ def beyond(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]
     return jnp.where(delta < jnp.log(FORBIDDEN_BELOW), charged, 0.0) * trajectories.mask
 
 
-def _box(env: Env) -> Box:
+def box_of(env: Env, instead: str = "aircl_corrected") -> Box:
+    """The box of a world's actions. Raises ValueError, which says what to choose `instead`, where the row cannot run."""
     space = env.action_space
     if not isinstance(space, Box) or not space.is_bounded or env.finite_horizon:
-        raise ValueError(f"env={env.name} is no world of a bounded box of actions that goes on; choose aircl_corrected")
+        raise ValueError(f"env={env.name} is no world of a bounded box of actions that goes on; choose {instead}")
     return space
