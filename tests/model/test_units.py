@@ -10,7 +10,7 @@ import pytest
 
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.demonstrations.files import from_arrays
-from aircl_jax.methods import METHODS
+from aircl_jax.methods import get_method
 from aircl_jax.types import ObsStats
 from envs import Box, Env, Step
 from tests.worlds import TINY, UNOPTIMISED, tiny_networks, unit_stats
@@ -41,7 +41,7 @@ def learned(method: str, size: float, box: Box) -> Any:
     obs = size * random.normal(size=(5, HORIZON, 2))
     zeros = np.zeros((5, HORIZON))
     expert = from_arrays({"obs": obs, "action": np.asarray(box.from_half_widths(pushed)), "reward": zeros, "cost": zeros}, env)
-    trainer = make_trainer(env, METHODS[method], TINY)
+    trainer = make_trainer(env, get_method(method, of_box=True), TINY)
 
     def run(key: Any) -> Any:
         state = trainer.init(key, expert)
@@ -54,7 +54,7 @@ TINY_BOX = pytest.param(1e6, Box(2, -1e-3, 0.0), marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(
-    "method", ["bc", *(pytest.param(name, marks=pytest.mark.slow) for name in ("aircl_corrected", "aircl"))]
+    "method", ["bc", "aircl_contrast", *(pytest.param(name, marks=pytest.mark.slow) for name in ("aircl_corrected", "aircl"))]
 )
 @pytest.mark.parametrize(("size", "box"), [(1e-6, FAR), TINY_BOX])
 def test_what_is_learned_is_the_same_in_any_unit(method, size, box):
