@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from aircl_jax.runs.metrics_log import read_metrics
     from aircl_jax.runs.result import Result
     from aircl_jax.runs.sweep import sweep
+    from aircl_jax.tasks import train_tasks
     from aircl_jax.transfer.shield import shield
     from aircl_jax.transfer.swap import swap
     from aircl_jax.tuning.search import search
@@ -51,6 +52,7 @@ _HOMES = {
     "sweep": "aircl_jax.runs.sweep:sweep",
     "swap": "aircl_jax.transfer.swap:swap",
     "train": "aircl_jax.api:train",
+    "train_tasks": "aircl_jax.tasks:train_tasks",
 }
 
 __all__ = [
@@ -75,6 +77,7 @@ __all__ = [
     "swap",
     "sweep",
     "train",
+    "train_tasks",
 ]
 
 correct_products()

@@ -57,6 +57,7 @@ class Params(NamedTuple):
     feasibility: Any  # δ̄_φ
     thresholds: Thresholds
     entry_price: Any = None  # [O, A], in rows that test entries: E[log δ₁(s')] of each state and action as π is paid it
+    evidence: Any = None  # [2, O], in such rows where tasks share one constraint: n and M of all of them
 
 
 class TrainState(NamedTuple):

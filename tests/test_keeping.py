@@ -13,7 +13,7 @@ PARTS = {
     "aircl_jax.analysis.episodes.gather": "a figure",
     "aircl_jax.reports.card.card_of": "the card",
     "aircl_jax.reports.recovered_words.reading": "the reading in plain words",
-    "aircl_jax.api.maps_of_learned": "the maps",
+    "aircl_jax.outcome.maps_of_learned": "the maps",
 }
 QUICK = ("aircl_jax.figures.curves.losses",)
 

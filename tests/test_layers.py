@@ -25,8 +25,9 @@ FLOORS = (
     ("transfer",),
     ("reports",),
     ("figures",),
+    ("outcome",),
     ("api",),
-    ("tuning",),
+    ("tuning", "tasks"),
     ("experiments",),
 )
 FLOOR = {shelf: floor for floor, shelves in enumerate(FLOORS) for shelf in shelves}

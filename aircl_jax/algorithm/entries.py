@@ -8,12 +8,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from aircl_jax.algorithm.learners import exact
+from aircl_jax.algorithm.pooling import ALONE, Pool
 from aircl_jax.algorithm.terms.logits import StateScores
 from aircl_jax.demonstrations.soft_optimal import occupancy
 from aircl_jax.methods import Method
 from aircl_jax.model.feasibility import log_delta
 from aircl_jax.model.networks import BoundNetworks
-from aircl_jax.types import Trajectory
+from aircl_jax.types import Params, Trajectory
 from envs import Env, Tabular
 
 PRICE_FLOOR = -6.0  # least log δ₁ that π is paid and bars an entry with: a lower one leaves PPO no gradient to come back
@@ -104,10 +105,13 @@ def model_counts(table: Tabular, shown: Shown, log_model: Float[Array, "T X A"])
     return jnp.einsum("tx,txa->xa", visits, jnp.exp(log_model))
 
 
-def scorer(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> Callable[[BoundNetworks], StateScores]:
+def scorer(
+    nets: BoundNetworks, expert: Trajectory, table: Tabular, pool: Pool = ALONE
+) -> Callable[[BoundNetworks], StateScores]:
     """Return the function that scores the states of a finite world as θ and φ move; D_E and the model are counted once.
 
-    No gradient flows through M. Rows that do not test entries score states by their reward alone.
+    n and M are sums over the tasks of the pool. No gradient flows through M. Rows that do not test entries score states by
+    their reward alone.
     """
     if not nets.method.tests_entries:
         return lambda moved: _rewards_alone(moved, expert.mask.shape[0])
@@ -121,14 +125,36 @@ def scorer(nets: BoundNetworks, expert: Trajectory, table: Tabular) -> Callable[
             reward=jax.vmap(moved.state_reward)(table.obs),
             potential=moved.params.reward["potential"],
             step_logit=_step_logits(moved, table.obs),
-            entered=shown.entered,
-            expected=jax.lax.stop_gradient(expected_entries(moved, table, shown, log_model)),
+            entered=pool.total(shown.entered),
+            expected=pool.total(jax.lax.stop_gradient(expected_entries(moved, table, shown, log_model))),
             demonstrations=shown.demonstrations,
             expert_f=(shown.pairs * f).sum() / shown.demonstrations,
             model_f=(model * f).sum(),
         )
 
     return score
+
+
+def begun(params: Params, states: int, pool: Pool) -> Params:
+    """Let the tasks of a pool begin with one feasibility, and with no evidence."""
+    if pool.tasks == 1:
+        return params
+    return params._replace(feasibility=pool.first(params.feasibility), evidence=jnp.zeros((2, states)))
+
+
+def noted(
+    nets: BoundNetworks,
+    table: Tabular,
+    score: Callable[[BoundNetworks], StateScores],
+    step: Int[Array, ""],
+    pool: Pool,
+) -> Params:
+    """Return the parameters with the price of entries, and where tasks share one constraint with their n and M."""
+    params = nets.params._replace(entry_price=entry_price(nets, table, step))
+    if pool.tasks == 1:
+        return params
+    states = score(nets)
+    return params._replace(evidence=jnp.stack([states.entered, states.expected]))
 
 
 def entry_price(nets: BoundNetworks, table: Tabular, step: Int[Array, ""]) -> Float[Array, "X A"]:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import jax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from aircl_jax.algorithm.pooling import ALONE, Pool
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.algorithm.sampler import SAMPLERS, take
 from aircl_jax.model.feasibility import calibrate, log_feasibility
@@ -46,11 +47,11 @@ def trajectory_feasibility(nets: BoundNetworks, trajectories: Trajectory) -> Flo
     return log_feasibility(nets.method, nets.config.coefficients, scores)
 
 
-def calibrated(nets: BoundNetworks, expert: Trajectory) -> tuple[Params, Float[Array, " N"]]:
-    """Set the thresholds of δ̄ by D_E; return the parameters, and log δ̄ of D_E under these thresholds."""
+def calibrated(nets: BoundNetworks, expert: Trajectory, pool: Pool = ALONE) -> tuple[Params, Float[Array, " N"]]:
+    """Set the thresholds of δ̄ by D_E, the lowest that a task asks for; return the parameters, and log δ̄ of D_E under them."""
     method, coefficients, params = nets.method, nets.config.coefficients, nets.params
     scores = jax.vmap(nets.feasibility_scores)(expert)
     if method.is_ratio_test:
-        params = params._replace(thresholds=calibrate(coefficients, scores))
+        params = params._replace(thresholds=pool.least(calibrate(coefficients, scores)))
         scores = scores._replace(thresholds=params.thresholds)
     return params, log_feasibility(method, coefficients, scores)

@@ -14,6 +14,7 @@ from aircl_jax.algorithm.boxes import baselines, twins
 from aircl_jax.algorithm.learners import exact, likelihood, ppo
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.policy_reward import policy_reward
+from aircl_jax.algorithm.pooling import ALONE, Pool
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.algorithm.sampler import refresh
 from aircl_jax.algorithm.scoring import calibrated, roll_out_and_draw
@@ -37,13 +38,16 @@ class Trainer(NamedTuple):
     traced: bool = True  # False: `step` computes on the host, and is called for one seed after another
 
 
-def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
-    """Make the training loop's two functions for a method on an environment. `expert` is D_E, [N_E, T, …]."""
+def make_trainer(env: Env, method: Method, config: TrainConfig, pool: Pool = ALONE) -> Trainer:
+    """Make the training loop's two functions for a method on an environment. `expert` is D_E, [N_E, T, …].
+
+    With a pool they are of one of its tasks, within the `vmap` over tasks of `algorithm.tasks`.
+    """
     if method.needs_true_reward and not env.has_reward and not method.assumes_no_reward:
         raise ValueError(f"method needs the true reward and {env.name} has none; choose a row that learns the reward")
     if method.is_of_boxes:
         nets = make_networks(env, method, config)
-        steps = (twins if method.has_twin else baselines).make_steps(nets)
+        steps = twins.make_steps(nets, pool) if method.has_twin else baselines.make_steps(nets)
         return Trainer(lambda key, expert: steps.init(key, expert, observation_stats(expert)), steps.step, nets)
     if method.is_fitted:
         return Trainer(*likelihood.make_steps(nets := make_networks(env, method, config)), nets, traced=False)
@@ -56,7 +60,7 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
 
     def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
         key, key_nets, key_replay = jax.random.split(key, 3)
-        untrained, stats = nets.init(key_nets), observation_stats(expert)
+        untrained, stats = entries.begun(nets.init(key_nets), env.obs_size, pool), observation_stats(expert, pool)
         ppo_opt = ppo.make_optimiser(config.ppo).init((untrained.policy, untrained.value))
         params = untrained
         if config.clone_epochs:
@@ -87,11 +91,11 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
         policy, sampled = drawn.policy, drawn.sampled  # D_P, and D_S drawn from it by Eq. 9
         negatives = jax.tree.map(lambda leaf: leaf[:num_negatives], policy)
         batches = Batches(expert, sampled, policy=negatives, replay=state.replay)
-        of_states = entries.scorer(ours, expert, places) if places is not None else None
+        of_states = entries.scorer(ours, expert, places, pool) if places is not None else None
         params, adversary_opt, adversary_metrics = adversary.update(  # lines 5, 6: `num_steps` minibatches
             ours, state.adversary_opt, batches, key_adversary, of_states
         )
-        params, expert_log_delta = calibrated(now.bind(params, stats), expert)
+        params, expert_log_delta = calibrated(now.bind(params, stats), expert, pool)
         ours, ppo_opt = now.bind(params, stats), state.ppo_opt
         if method.clones:
             params, ppo_opt, policy_metrics = cloning.update(ours, ppo_opt, expert, key_policy, now.config.ppo)
@@ -102,9 +106,8 @@ def make_trainer(env: Env, method: Method, config: TrainConfig) -> Trainer:
             params, ppo_opt, policy_metrics = ppo.update(  # line 7
                 ours, ppo_opt, policy, reward, bonus, key_policy, now.config.ppo
             )
-        if places is not None and method.tests_entries:
-            price = entries.entry_price(now.bind(params, stats), places, state.step)
-            params = params._replace(entry_price=price)
+        if places is not None and of_states is not None and method.tests_entries:
+            params = entries.noted(now.bind(params, stats), places, of_states, state.step, pool)
         metrics = step_metrics(env, sampled, policy, drawn.log_delta, expert_log_delta)
         seen = jnp.where(policy.mask[..., None] > 0, policy.obs, 0.0)
         metrics[FINITE] = all_finite((params, adversary_metrics, policy_metrics, seen)).astype(jnp.float32)
@@ -140,8 +143,9 @@ def scheduled(nets: Networks, step: Int[Array, ""]) -> Networks:
     return replace(nets, config=replace(config, ppo=acting, adversary=discriminating))
 
 
-def observation_stats(expert: Trajectory) -> ObsStats:
-    """Compute mean and standard deviation of D_E's observations over unmasked steps."""
-    weight = expert.mask / expert.mask.sum()
-    mean = jnp.einsum("nt,nto->o", weight, expert.obs)
-    return ObsStats.of(mean, jnp.sqrt(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2)))
+def observation_stats(expert: Trajectory, pool: Pool = ALONE) -> ObsStats:
+    """Compute mean and standard deviation of D_E's observations over unmasked steps, of all tasks of the pool."""
+    steps = expert.mask.sum()
+    weight = expert.mask / steps
+    mean = pool.mean(jnp.einsum("nt,nto->o", weight, expert.obs), steps)
+    return ObsStats.of(mean, jnp.sqrt(pool.mean(jnp.einsum("nt,nto->o", weight, (expert.obs - mean) ** 2), steps)))

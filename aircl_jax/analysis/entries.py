@@ -25,7 +25,12 @@ class Entries(NamedTuple):
 
 
 def entries_of(networks: Networks, states: TrainState, expert: Trajectory, table: Tabular) -> Entries:
-    """Count entries by what was learned, in rows that test them; `expert` is [S, N, T, …]."""
+    """Count entries by what was learned, in rows that test them; `expert` is [S, N, T, …].
+
+    Where tasks share one constraint these are the sums over all of them, as of the last update.
+    """
+    if states.params.evidence is not None:
+        return Entries(*np.asarray(states.params.evidence).swapaxes(0, 1))
     run = jax.jit(jax.vmap(partial(_entries, networks, table)), compiler_options=ONCE)
     return Entries(*in_groups(run, states, expert))
 

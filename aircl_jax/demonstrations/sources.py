@@ -18,11 +18,12 @@ REFERENCE_SEED = 2_147_483_646  # of its key; no run has this seed
 PERTURBATION = 0.1  # share of uniform actions in the reference set's perturbed experts
 
 
-def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple[Trajectory, Trajectory]:
+def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig, task: int = 0) -> tuple[Trajectory, Trajectory]:
     """Provide D_E of every seed, [S, N, T, …], and the environment's reference set, [M, T, …].
 
-    A grid's D_E is drawn from its exact expert, anew for each seed; an animal's is its recorded data and a robot's is
-    shipped, the same for all seeds. Where nothing is known to score by, D_E itself stands for the reference set.
+    A grid's D_E is drawn from its exact expert, anew for each seed and for each number of a task; an animal's is its recorded
+    data and a robot's is shipped, the same for all seeds. Where nothing is known to score by, D_E itself stands for the
+    reference set.
     """
     match env.expert:
         case Recorded() as data:
@@ -31,7 +32,7 @@ def demonstrations(env: Env, seeds: Sequence[int], config: TrainConfig) -> tuple
             return _for_all(recorded, len(seeds)), recorded if known is None else from_arrays(known(), env)
         case SoftOptimalExpert() as planner:
             expert = plan_expert(env, planner)
-            keys = jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed), 1))(jnp.asarray(seeds, jnp.uint32))
+            keys = jax.vmap(lambda seed: jax.random.fold_in(jax.random.key(seed), 1 + task))(jnp.asarray(seeds, jnp.uint32))
             draw = jax.jit(jax.vmap(lambda key: sample_table(env, expert, key, config.num_demonstrations)))
             return draw(keys), tabular_reference(env, planner, expert)
         case Shipped(name):

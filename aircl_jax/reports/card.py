@@ -37,16 +37,26 @@ _LIKELIHOOD = (
 _NO_REWARD = "No reward was learned: cloning copies what was done."
 _NO_WANTS = {True: "Nothing stands out.", False: "Nothing that can be told apart from what it does; see below."}
 _KNOWN_REWARD = "The reward was given, not inferred; what is not done may depend on it."
+_OF_TASKS = (
+    "One constraint from {number} tasks ({names}). The counts are sums over all of them; what it wants is this task's own."
+)
 _OF_LEARNER = {"twins": of_limits, "likelihood": of_activities}
 
 
 def card_of(result: Result) -> dict[str, Any]:
     """Make the card of a finished run: each entry with its spread over seeds.
 
+    Where several tasks learned one constraint, "tasks" names them, and `tempted` and `done` are sums over all of them.
+
     `wants` has {"what", "weight", "spread"}; `never` has {"what", "limit", "spread", "tempted", "done", "how"}: how often
     the demonstrations would have done it were it ordinary (None where the method does not measure that), and how often
     they did.
     """
+    card, tasks = _card_of(result), list(result.spec.tasks)
+    return {**card, "tasks": tasks} if tasks else card
+
+
+def _card_of(result: Result) -> dict[str, Any]:
     method, view = result.spec.method, result.spec.env.view
     if method.tests_entries and isinstance(view, Grid) and result.spec.env.tabular is not None:
         return of_entries(result, view, result.spec.env.tabular)
@@ -105,6 +115,7 @@ def as_markdown(card: Card, title: str) -> str:
         "## What it wants",
         markdown.table(("what", "weight"), wants) if wants else _NO_WANTS[bool(card["separable"])],
         "## What it does not do",
+        *([_OF_TASKS.format(number=len(tasks), names=", ".join(tasks))] if (tasks := card.get("tasks")) else []),
         markdown.table(("what", "limit", "would have, were it ordinary", "did", "how it is known"), never)
         if never
         else "Nothing was found that it does not do.",

@@ -44,6 +44,8 @@ class RunSpec:
     own: Trajectory | None
     reference: Trajectory | None
     digest: str  # SHA-256 of recorded or own demonstrations and of the reference set beside the latter; else empty
+    tasks: tuple[str, ...] = ()  # names of the tasks that learn one constraint together; empty where the run is alone
+    task: int = 0  # the number of this one
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -58,6 +60,7 @@ class RunSpec:
             "iterations": config.pop("iterations"),
             "demonstrations": {"source": self.source, "sha256": self.digest} if self.digest else self.source,
             "train": config,
+            **({"tasks": {"all": list(self.tasks), "this": self.tasks[self.task]}} if self.tasks else {}),
         }
 
     @property
@@ -80,6 +83,8 @@ def make_spec(
     demonstrations: str | Path,
     env_settings: Mapping[str, Any],
     config: TrainConfig | Mapping[str, Any],
+    tasks: tuple[str, ...] = (),
+    task: int = 0,
 ) -> RunSpec:
     """Resolve names, defaults and files. Raises ValueError, in one line, for settings that do not fit."""
     if isinstance(env, Env) and env_settings:
@@ -125,6 +130,8 @@ def make_spec(
         own=own,
         reference=reference,
         digest=_digest(*_read_for(world, own, reference)),
+        tasks=tasks,
+        task=task,
     )
 
 
@@ -139,6 +146,8 @@ def read_spec(settings: Mapping[str, Any]) -> RunSpec:
         name, method, config = str(env.pop("name")), str(settings["method"]), dict(settings["train"])
         source = demonstrations if demonstrations == "default" else str(demonstrations["source"])
         rest = {name: settings[name] for name in ("contrast_prior", "seeds", "first_seed", "iterations")}
+        if together := settings.get("tasks"):
+            rest |= {"tasks": tuple(together["all"]), "task": together["all"].index(together["this"])}
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(
             f"the settings of the run are damaged: {error} is missing or wrong; restore its config.yaml"

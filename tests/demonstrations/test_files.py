@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aircl_jax import api
+from aircl_jax import outcome
 from aircl_jax.demonstrations import files
 from aircl_jax.runs.spec import make_spec
 from envs import Box, Env, make_env
@@ -120,7 +120,7 @@ def test_the_reference_set_beside_a_file_counts_where_the_world_has_none(shipped
         env_settings={},
         config=TINY,
     )
-    expert, reference = api._demonstrations(spec)
+    expert, reference = outcome.demonstrations_of(spec)
     assert expert.obs.shape == (2, N, T, O)
     assert len(reference.cost) == (2 * N if shipped else N)
     assert np.array_equal(reference.cost, cost) == shipped

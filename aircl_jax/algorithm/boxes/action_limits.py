@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax.scipy.stats import norm
 from jaxtyping import Array, Bool, Float, Int
 
+from aircl_jax.algorithm.pooling import Pool
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.settings.train_config import Coefficients
 
@@ -36,6 +37,11 @@ def actions_made(action: Float[Array, "M A"], mask: Float[Array, " M"]) -> Made:
 
     number = numbers(action, jnp.broadcast_to(mask[:, None], action.shape))
     return Made(number, *jax.vmap(ends, 1)(action, _bins(action)), mask.sum())
+
+
+def pooled(made: Made, pool: Pool) -> Made:
+    """What the demonstrations of all tasks made."""
+    return Made(pool.total(made.number), pool.least(made.least), pool.greatest(made.greatest), pool.total(made.steps))
 
 
 def numbers(values: Float[Array, "M I"], counts: Float[Array, "M I"]) -> Float[Array, "I B"]:

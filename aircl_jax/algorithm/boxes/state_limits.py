@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from aircl_jax.algorithm.boxes.action_limits import EDGES, Made, actions_made, limits, numbers
+from aircl_jax.algorithm.boxes.action_limits import EDGES, Made, actions_made, limits, numbers, pooled
+from aircl_jax.algorithm.pooling import Pool
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.model.networks import STD_FLOOR
 from aircl_jax.settings.train_config import Coefficients
@@ -50,22 +51,26 @@ def scale_of(reach: Reach, margin: float | Float[Array, ""]) -> Scale:
     return Scale((low + high) / 2.0, jnp.maximum((0.5 + margin) * (high - low), STD_FLOOR))
 
 
-def begin(expert: Trajectory, scale: Scale) -> Met:
-    """Count what the demonstrations met, and draw no limit."""
+def begin(expert: Trajectory, scale: Scale, pool: Pool) -> Met:
+    """Count what the demonstrations of all tasks met, and draw no limit."""
     obs = scale.of(expert.obs).reshape(-1, expert.obs.shape[-1])
-    made, none, zero = actions_made(obs, expert.mask.ravel()), jnp.full(obs.shape[-1], UNLIMITED), jnp.zeros(())
+    made = pooled(actions_made(obs, expert.mask.ravel()), pool)
+    none, zero = jnp.full(obs.shape[-1], UNLIMITED), jnp.zeros(())
     return Met(made, jnp.zeros_like(made.number), zero, -none, none, jnp.zeros((2, obs.shape[-1])), zero)
 
 
-def next_limits(met: Met, twin: Trajectory, scale: Scale, coefficients: Coefficients) -> Met:
+def next_limits(
+    met: Met, twin: Trajectory, scale: Scale, coefficients: Coefficients, pool: Pool, steps: Float[Array, ""]
+) -> Met:
     """Add an iteration's rollouts of the twin, [N, T, …]; draw the limit with the largest M beyond it, where one is tested.
 
+    The shares that the tasks' twins meet are averaged by the demonstrated `steps` of each task, so that M is a sum over tasks.
     The limit itself is that of `action_limits.limits`, with the share of the twin's steps in each bin for that of its actions.
     """
     at = scale.of(twin.obs)
     counted = twin.mask[..., None] * ~beyond_others(at, twin.mask, met)
     seen = numbers(at.reshape(-1, at.shape[-1]), counted.reshape(-1, at.shape[-1])) / twin.mask.sum()
-    iterations = met.iterations + 1.0
+    seen, iterations = pool.mean(seen, steps), met.iterations + 1.0
     share = met.share + (seen - met.share) / iterations
     lower, upper = limits(met.made, share, coefficients)
     new = jnp.stack([(lower > -UNLIMITED) & (met.lower == -UNLIMITED), (upper < UNLIMITED) & (met.upper == UNLIMITED)])

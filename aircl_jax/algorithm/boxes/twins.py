@@ -19,6 +19,7 @@ from aircl_jax.algorithm.learners.practice import Learning, Practice
 from aircl_jax.algorithm.learners.scale_free import falls
 from aircl_jax.algorithm.learners.scale_free_update import make_optimiser
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
+from aircl_jax.algorithm.pooling import ALONE, Pool
 from aircl_jax.algorithm.sampler import take
 from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
 from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
@@ -42,7 +43,7 @@ class Contrast(NamedTuple):
     """What reward and limits are learned from."""
 
     weights: moments.Weights
-    made: action_limits.Made
+    made: action_limits.Made  # over all tasks, as M
     expected: Float[Array, "A B"]  # M / steps of actions: mean over all iterations so far
     near: Float[Array, ""]  # iterations in a row in which the means had nearly met
     since: Float[Array, ""]  # iterations since the constraint and the twin began
@@ -58,27 +59,27 @@ class Steps(NamedTuple):
     step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
 
 
-def make_steps(nets: Networks) -> Steps:
-    """Make the training loop's two functions.
+def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
+    """Make the training loop's two functions; n and M of the limits are sums over the tasks of the pool.
 
     Raises:
         ValueError: in one line, where actions are not of a bounded box, or the task ends at the horizon.
     """
     env, config = nets.env, nets.config
-    box_of(env)
-    settings = learner_of(config, sees_state=nets.feasibility_sees_state)
-    learning = Learning(settings, make_optimiser(settings, env.horizon))
+    learning = learning_of(nets)
 
     def init(key: PRNGKeyArray, expert: Trajectory, stats: ObsStats) -> TrainState:
         key, key_nets, key_cost, key_world = jax.random.split(key, 4)
         taken = jax.vmap(jax.vmap(env.action_space.features))(expert.action)
-        params, reach = with_std(nets.init(key_nets), taken, expert.mask), reached(expert)
+        params, (low, high) = with_std(nets.init(key_nets), taken, expert.mask), reached(expert)
+        reach = pool.least(low), pool.greatest(high)
         world = practice_world(env, reach, config)
         practice = practising.begin(learning, params, nets.init(key_cost).value, world, key_world)
-        made = action_limits.actions_made(taken.reshape(-1, taken.shape[-1]), expert.mask.ravel())
+        own = action_limits.actions_made(taken.reshape(-1, taken.shape[-1]), expert.mask.ravel())
+        made = action_limits.pooled(own, pool)
         nothing = jnp.zeros_like(params.reward["params"]["weights"])
         scale, zero = state_limits.scale_of(reach, config.moments.margin), jnp.zeros(())
-        met = state_limits.begin(expert, scale) if nets.feasibility_sees_state else None
+        met = state_limits.begin(expert, scale, pool) if nets.feasibility_sees_state else None
         weights = moments.Weights(nothing, nothing)
         contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
         params = params._replace(policy=held(nets, params.policy, params.feasibility, zero))
@@ -95,11 +96,11 @@ def make_steps(nets: Networks) -> Steps:
 
         gap = moments.mean_features(before, expert) - moments.mean_features(before, policy)
         weights = moments.next_weights(contrast.weights, gap, state.step, config.iterations, config.moments)
-        share = asked_of(practising.acting(before, contrast.twin), expert, key_asked)
+        share = pool.mean(asked_of(practising.acting(before, contrast.twin), expert, key_asked), expert.mask.sum())
         expected = contrast.expected + (share - contrast.expected) / (state.step + 1.0)
         feasibility = limited(nets, contrast._replace(expected=expected), state.obs_stats)
         params = state.params._replace(reward={"params": {"weights": weights.mean}}, feasibility=feasibility)
-        params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert)
+        params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert, pool)
         near = (contrast.near + 1.0) * (jnp.sqrt((gap**2).mean()) < config.moments.near)
         began = (contrast.since > 0) | (near >= LASTING) | (state.step >= config.feasibility_delay)
 
@@ -128,11 +129,18 @@ def make_steps(nets: Networks) -> Steps:
             "twin_violation_rate": (tempted.cost * tempted.mask).sum() / tempted.mask.sum(),
         }
         metrics[FINITE] = all_finite((params, losses, policy.obs)).astype(jnp.float32)
-        since, met = contrast.since + began, met_by(contrast, tempted, config)
+        since, met = contrast.since + began, met_by(contrast, tempted, config, pool, expert.mask.sum())
         contrast = Contrast(weights, contrast.made, expected, near, since, twin, contrast.reach, met)
         return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
 
     return Steps(init, step)
+
+
+def learning_of(nets: Networks) -> Learning:
+    """What does not change in training. Raises ValueError where the world has no such box."""
+    box_of(nets.env)
+    settings = learner_of(nets.config, sees_state=nets.feasibility_sees_state)
+    return Learning(settings, make_optimiser(settings, nets.env.horizon))
 
 
 def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
@@ -186,13 +194,16 @@ def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Floa
     return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), taken, asked.mask.ravel())
 
 
-def met_by(contrast: Contrast, twin: Trajectory, config: TrainConfig) -> state_limits.Met | None:
-    """What states were met, with those of this iteration's twin once it goes its own way."""
+def met_by(
+    contrast: Contrast, twin: Trajectory, config: TrainConfig, pool: Pool, steps: Float[Array, ""]
+) -> state_limits.Met | None:
+    """What states were met, with those of this iteration's twins once each task's goes its own way; `steps` are of D_E."""
     if contrast.met is None:
         return None
     scale = state_limits.scale_of(contrast.reach, config.moments.margin)
-    later = state_limits.next_limits(contrast.met, twin, scale, config.coefficients)
-    return jax.tree.map(lambda new, old: jnp.where(contrast.since > 0, new, old), later, contrast.met)
+    later = state_limits.next_limits(contrast.met, twin, scale, config.coefficients, pool, steps)
+    alone = pool.every(contrast.since > 0)
+    return jax.tree.map(lambda new, old: jnp.where(alone, new, old), later, contrast.met)
 
 
 def limited(nets: Networks, contrast: Contrast, stats: ObsStats) -> dict:
