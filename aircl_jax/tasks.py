@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from aircl_jax.algorithm.tasks import check_alike, make_task_trainer
-from aircl_jax.algorithm.trainer import Trainer, make_trainer
+from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.outcome import demonstrations_of, evaluator, keep, kept_summary, result_of, shapes_of
 from aircl_jax.reports.summary import summarise
 from aircl_jax.runs.directory import RunDirectory
@@ -20,7 +20,7 @@ from aircl_jax.runs.opening import existing, open_run
 from aircl_jax.runs.readers import CONFIG
 from aircl_jax.runs.recorder import Memory, Recorder, Row
 from aircl_jax.runs.result import Result
-from aircl_jax.runs.seeds import Runner, make_runner, relieve
+from aircl_jax.runs.seeds import make_runner, relieve
 from aircl_jax.runs.spec import RunSpec, make_spec
 from aircl_jax.runs.stopping import signals_noted
 from aircl_jax.settings.checks import check_jax
@@ -52,8 +52,8 @@ def train_tasks(
 
     `tasks` has for each name what differs from the others: `demonstrations` and `env_settings`, or an `env` of its own. The
     rest is as for `train`. Each result is that of an ordinary run, and each task has its own folder `run_dir/NAME`, which
-    `load` and every command take. `resume` continues all of them. Each of `recorders` is told of every chunk with the seeds of
-    the first task first, then those of the second, and so on.
+    `load` and every command take. `resume` continues all of them. Each of `recorders` is told of every chunk with a task axis
+    after that of the seeds. With one task alone this is `train`, number for number.
 
     Raises:
         ValueError: in one line, before anything is written, for whatever does not fit.
@@ -130,7 +130,7 @@ def _train(
 
     def evaluate(states: TrainState) -> Row:
         rows = [measure(own) for measure, own in zip(evaluators, parts(states, count), strict=True)]
-        return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+        return {name: np.stack([row[name] for row in rows], axis=1) for name in rows[0]}
 
     saved: list[TrainState] = []
     if directories and directories[0].start:
@@ -140,7 +140,8 @@ def _train(
             kept = [kept_summary(folder, spec) for folder, spec in zip(directories, specs, strict=True)]
             if None not in kept:
                 return [finish(index, saved[index], summary) for index, summary in enumerate(kept) if summary is not None]
-    runner, experts = _runner(specs, trainers), joined([expert for expert, _ in shown])
+    experts = joined([expert for expert, _ in shown])
+    runner = make_runner(make_task_trainer([spec.env for spec in specs], first.method, first.config), first.seeds)
     with signals_noted() as stop, ExitStack() as held:
         for folder in directories or ():
             held.enter_context(folder.held())
@@ -157,7 +158,7 @@ def _train(
             env_steps=count * first.env_steps,
             stopwatch=stopwatch,
             recorders=(_OfTasks(records), *recorders),
-            since=_since(records, len(first.seeds)),
+            since=since_of(records[0].timing()),
             stop=stop,
         )
         results = []
@@ -179,54 +180,20 @@ class _OfTasks:
 
     def on_chunk(self, iteration: int, states: Any, rows: Sequence[Row], timing: Mapping[str, Any]) -> None:
         count = len(self.records)
-        lost = parts(np.array(timing.get("not_finite") or [], object), count)
-        common = {name: value for name, value in timing.items() if name != "not_finite"}
-        for index, (record, state) in enumerate(zip(self.records, parts(states, count), strict=True)):
-            own = {**common, "env_steps": timing["env_steps"] // count}
-            if any(since is not None for since in lost[index]):
-                own["not_finite"] = list(lost[index])
-            record.on_chunk(iteration, state, [parts(row, count)[index] for row in rows], own)
+        own = {**timing, "env_steps": timing["env_steps"] // count}
+        every = zip(self.records, parts(states, count), zip(*(parts(row, count) for row in rows), strict=True), strict=True)
+        for record, state, of_task in every:
+            record.on_chunk(iteration, state, of_task, own)
 
 
 def parts(tree: Any, count: int) -> list[Any]:
-    """Part a tree whose leading axis has the seeds of the first task, then those of the second, and so on."""
-
-    def part(leaf: Any, index: int) -> Any:
-        size = len(leaf) // count
-        return leaf[index * size : (index + 1) * size]
-
-    return [jax.tree.map(lambda leaf, index=index: part(leaf, index), tree) for index in range(count)]
+    """Part a tree [S, K, …] into one of each task, [S, …]."""
+    return [jax.tree.map(lambda leaf, index=index: leaf[:, index], tree) for index in range(count)]
 
 
 def joined(trees: Sequence[Any]) -> Any:
-    """Put the seeds of all tasks on one leading axis, those of the first task first."""
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *trees)
-
-
-def _runner(specs: Sequence[RunSpec], trainers: Sequence[Trainer]) -> Runner:
-    """Run all tasks of each seed at once; states and metrics have the seeds of all tasks on one axis."""
-    first, count = specs[0], len(specs)
-    if count == 1:
-        return make_runner(trainers[0], first.seeds)
-    runner = make_runner(make_task_trainer([spec.env for spec in specs], first.method, first.config), first.seeds)
-
-    def apart(tree: Any, axis: int = 0) -> Any:  # [K · S, …] → [S, K, …]
-        return jax.tree.map(lambda leaf: jnp.stack(jnp.split(leaf, count, axis), axis + 1), tree)
-
-    def together(tree: Any, axis: int = 0) -> Any:
-        return jax.tree.map(lambda leaf: jnp.concatenate([jnp.take(leaf, k, axis + 1) for k in range(count)], axis), tree)
-
-    def run_chunk(states: TrainState, expert: Trajectory, length: int) -> tuple[TrainState, dict[str, Any]]:
-        states, metrics = runner.run_chunk(apart(states), apart(expert), length)
-        return together(states), together(metrics, 1)
-
-    return Runner(lambda expert: together(runner.init(apart(expert))), run_chunk)
-
-
-def _since(records: Sequence[Any], seeds: int) -> list[int | None] | None:
-    """Since when each seed of each task is not finite."""
-    found = [since_of(record.timing()) for record in records]
-    return [since for own in found for since in own or [None] * seeds] if any(found) else None
+    """Join trees of each task, [S, …], to one, [S, K, …]."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves, axis=1), *trees)
 
 
 def _from_one_iteration(directories: Sequence[RunDirectory]) -> list[RunDirectory]:

@@ -165,7 +165,7 @@ class Env:
     restore: Callable[[Float[Array, " O"]], Any] | None = None  # the state that shows this observation, where one alone does
     constraint_input: Literal["state", "action", "state_action"] = "state"  # what a constraint of this kind of task speaks of
     has_reward: bool = True  # False for animals: there is no true reward to read, and `step` gives NaN
-    success_return: float | None = None  # an episode has reached the goal iff its true return reaches this; None: no goal
+    success_return: float | Float[Array, ""] | None = None  # an episode has reached the goal iff its return reaches this
     tabular: Tabular | None = None  # the world as tables, where it is finite
     expert_temperature: float = 1.0  # of the exact soft-optimal expert, where the world is finite
     expert_lapse: float = 0.0  # share of that expert's actions that are uniformly random

@@ -40,7 +40,7 @@ def feasible_return(trajectories: Trajectory) -> Float[Array, ""]:
     return (trajectories.reward * trajectories.mask * clean).sum(axis=-1).mean()
 
 
-def goal_rate(trajectories: Trajectory, success_return: float | None) -> Float[Array, ""]:
+def goal_rate(trajectories: Trajectory, success_return: float | Float[Array, ""] | None) -> Float[Array, ""]:
     """Compute the share of episodes that end in the goal; NaN in a world without a goal."""
     if success_return is None:
         return jnp.full((), jnp.nan)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, PRNGKeyArray
 
+from aircl_jax.algorithm.measures import FINITE
 from aircl_jax.algorithm.pooling import TASKS, Pool
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.methods import Method
@@ -39,10 +40,13 @@ def make_task_trainer(envs: Sequence[Env], method: Method, config: TrainConfig) 
     """Make a trainer of one seed whose states, metrics and D_E have a task axis: [K, …] and [K, N, T, …].
 
     Each task has a reward, a policy and statistics of its own. The feasibility is the same function in all, of n and M summed
-    over tasks. Where the worlds differ, each step computes all of them and takes the task's own.
+    over tasks. Where the worlds differ, each step computes all of them and takes the task's own. A seed is finite where all of
+    its tasks are, since each has the evidence of all. One task alone computes as `make_trainer` does, number for number.
     """
     count = len(envs)
     own = [make_trainer(env, method, config) for env in envs]  # refuses what the row cannot do
+    if count == 1:
+        return _of_one(own[0])
 
     def of(which: Int[Array, ""]) -> Trainer:
         return make_trainer(one_of(envs, which), method, config, Pool(count))
@@ -54,9 +58,27 @@ def make_task_trainer(envs: Sequence[Env], method: Method, config: TrainConfig) 
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         over = jax.vmap(lambda which, state, expert: of(which).step(state, expert), axis_name=TASKS)
-        return over(jnp.arange(count), state, expert)
+        state, metrics = over(jnp.arange(count), state, expert)
+        return state, {**metrics, FINITE: metrics[FINITE].min()}
 
     return Trainer(init, step, own[0].networks)
+
+
+def _of_one(alone: Trainer) -> Trainer:
+    """Give the states, metrics and D_E of a trainer a task axis of one, without a `vmap`."""
+
+    def only(tree: Any) -> Any:
+        return jax.tree.map(lambda leaf: leaf[0], tree)
+
+    def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+        state, metrics = alone.step(only(state), only(expert))
+        finite = metrics.pop(FINITE)
+        return jax.tree.map(lambda leaf: leaf[None], state), {**jax.tree.map(lambda leaf: leaf[None], metrics), FINITE: finite}
+
+    def init(key: PRNGKeyArray, expert: Trajectory) -> TrainState:
+        return jax.tree.map(lambda leaf: leaf[None], alone.init(key, only(expert)))
+
+    return alone._replace(init=init, step=step)
 
 
 def one_of(envs: Sequence[Env], which: Int[Array, ""]) -> Env:
@@ -74,9 +96,10 @@ def one_of(envs: Sequence[Env], which: Int[Array, ""]) -> Env:
 
 
 def _function_of(functions: Sequence[Callable | None], which: Int[Array, ""]) -> Callable | None:
-    if functions[0] is None or all(function is functions[0] for function in functions):
+    known = [function for function in functions if function is not None]
+    if len(known) < len(functions) or all(function is functions[0] for function in functions):
         return functions[0]
-    return lambda *arguments: jax.lax.switch(which, functions, *arguments)
+    return lambda *arguments: jax.lax.switch(which, known, *arguments)
 
 
 def _array_of(leaves: Sequence[Any], which: Int[Array, ""]) -> Any:

@@ -119,9 +119,9 @@ def _not_finite_since(since: Since | None, finite: np.ndarray | None, done: int)
 
 
 def without(row: Row, since: Since, iteration: int) -> Row:
-    """Return a row of measures, undefined for the seeds that are not finite in that iteration."""
+    """Return a row of measures, [S] or [S, …], undefined for the seeds that are not finite in that iteration."""
     lost = np.array([first is not None and first <= iteration for first in since])
-    return {name: np.where(lost, np.nan, values) for name, values in row.items()}
+    return {name: np.where(lost.reshape(-1, *[1] * (np.ndim(values) - 1)), np.nan, values) for name, values in row.items()}
 
 
 def since_of(timing: Sequence[Mapping[str, Any]]) -> Since | None:
