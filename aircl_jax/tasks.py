@@ -26,7 +26,7 @@ from aircl_jax.runs.stopping import signals_noted
 from aircl_jax.settings.checks import check_jax
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.transfer.learned import measures_of_learned
-from aircl_jax.types import TrainState, Trajectory
+from aircl_jax.types import TrainState
 from envs import Env
 
 OF_A_TASK = ("env", "env_settings", "demonstrations")
@@ -111,6 +111,7 @@ def _specs(
             raise ValueError(f"tasks.{name}: {error}") from error
         specs.append(spec)
     check_alike([spec.env for spec in specs], list(tasks), specs[0].method, method)
+    _check_numbers(specs)
     return specs
 
 
@@ -120,7 +121,6 @@ def _train(
     stopwatch, count, first = Stopwatch(), len(specs), specs[0]
     trainers = [make_trainer(spec.env, spec.method, spec.config) for spec in specs]
     shown = [demonstrations_of(spec) for spec in specs]
-    _check_numbers(specs, [expert for expert, _ in shown])
     records: Sequence[Any] = directories or [Memory() for _ in specs]
     evaluators = [evaluator(trainer.networks, *pair) for trainer, pair in zip(trainers, shown, strict=True)]
 
@@ -202,10 +202,10 @@ def _from_one_iteration(directories: Sequence[RunDirectory]) -> list[RunDirector
     return [folder if folder.start == start else replace(folder, start=start, finished=False) for folder in directories]
 
 
-def _check_numbers(specs: Sequence[RunSpec], experts: Sequence[Trajectory]) -> None:
+def _check_numbers(specs: Sequence[RunSpec]) -> None:
     """Raise ValueError where tasks have not as many demonstrations each."""
-    first = experts[0].mask.shape[1]
-    for spec, expert in zip(specs, experts, strict=True):
-        if expert.mask.shape[1] != first:
-            name, number = spec.tasks[spec.task], expert.mask.shape[1]
-            raise ValueError(f"tasks.{name}: {number} demonstrations, of {spec.tasks[0]} {first}; give each task as many")
+    numbers = [spec.config.num_demonstrations if spec.own is None else spec.own.mask.shape[0] for spec in specs]
+    for spec, number in zip(specs, numbers, strict=True):
+        if number != numbers[0]:
+            name, first = spec.tasks[spec.task], f"of {spec.tasks[0]} {numbers[0]}"
+            raise ValueError(f"tasks.{name}: {number} demonstrations, {first}; give each task as many")

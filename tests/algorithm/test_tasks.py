@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from aircl_jax.algorithm import entries
-from aircl_jax.algorithm.boxes.action_limits import BINS
+from aircl_jax.algorithm.boxes import action_limits
 from aircl_jax.algorithm.pooling import ALONE, TASKS, Pool
 from aircl_jax.algorithm.tasks import check_alike, make_task_trainer, one_of
 from aircl_jax.methods import METHODS
+from aircl_jax.model.features import UNLIMITED
 from envs import Box, Env
 from tests.algorithm.boxes.test_twins import CONFIG, METHOD, pushed_point, shown
-from tests.worlds import TINY, UNOPTIMISED, random_trajectories, table_of, tiny_grid
+from tests.worlds import TINY, UNOPTIMISED, random_trajectories, table_of, tiny_grid, tiny_networks, unit_stats
 
 GOALS = ([2, 2], [0, 2])
 
@@ -25,19 +26,22 @@ def stacked(*trees: Any) -> Any:
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *trees)
 
 
+def of_both_sides() -> Any:
+    """D_E of two tasks of a point, the second pushed half as much again to the other side."""
+    forth = shown(pushed_point())
+    return stacked(forth, forth._replace(obs=-1.5 * forth.obs, action=-1.5 * forth.action))
+
+
 @cache
-def of_points() -> tuple[Any, Any, Any]:
-    """D_E of two tasks, one of twice the pushes to the other side, and the states after no and after two steps."""
-    env = pushed_point()
-    forth = shown(env)
-    experts = stacked(forth, forth._replace(obs=-1.5 * forth.obs, action=-1.5 * forth.action))
-    trainer = make_task_trainer([env, env], METHOD, CONFIG)
+def of_points() -> tuple[Any, Any]:
+    """The states of two tasks at the start, and after two steps."""
+    trainer, experts = make_task_trainer([pushed_point()] * 2, METHOD, CONFIG), of_both_sides()
 
     def run(key):
         state = trainer.init(key, experts)
         return state, jax.lax.scan(lambda now, _: trainer.step(now, experts), state, length=2)[0]
 
-    return experts, *jax.jit(run, compiler_options=UNOPTIMISED)(jax.random.key(0))
+    return jax.jit(run, compiler_options=UNOPTIMISED)(jax.random.key(0))
 
 
 @cache
@@ -82,19 +86,57 @@ def test_alone_a_task_hears_itself_bit_for_bit():
 
 
 def test_actions_made_are_counted_over_all_tasks():
-    experts, begun, _ = of_points()
-    action = np.clip(np.asarray(experts.action, np.float64), -1.0, 1.0).ravel()
-    counted = np.histogram(action, bins=np.linspace(-1.0, 1.0, BINS + 1))[0]
-    made = begun.adversary_opt.made
-    np.testing.assert_array_equal(made.number[:, 0].sum(-1), [action.size] * 2)
-    assert np.abs(np.asarray(made.number[0, 0]) - counted).sum() <= 2  # an edge in single precision
-    assert float(made.least[0].min()) == pytest.approx(action.min()) and float(made.greatest[1].max()) == pytest.approx(
-        action.max()
+    action = np.asarray(of_both_sides().action[..., 0]).reshape(2, -1, 1)
+    count = jax.vmap(
+        lambda own: action_limits.pooled(action_limits.actions_made(own, jnp.ones(len(own))), Pool(2)), axis_name=TASKS
     )
+    made = jax.jit(count, compiler_options=UNOPTIMISED)(jnp.asarray(action))
+    counted = np.histogram(action, bins=np.asarray(action_limits.EDGES))[0]
+    for own in range(2):
+        np.testing.assert_array_equal(made.number[own, 0], counted)
+        assert float(made.steps[own]) == action.size
+        assert (float(made.least[own].min()), float(made.greatest[own].max())) == (action.min(), action.max())
 
 
+def test_two_tasks_draw_a_limit_that_neither_would_draw_alone():
+    coefficients = replace(CONFIG.coefficients, least_expected=20.0)
+    inside = jnp.linspace(-0.45, 0.45, 400)[:, None]
+    share = jnp.full((1, action_limits.BINS), 1.0 / action_limits.BINS).at[0, -45:].mul(0.15)  # 15 of 400 steps beyond .5
+
+    def drawn(pool):
+        made = action_limits.pooled(action_limits.actions_made(inside, jnp.ones(400)), pool)
+        return action_limits.limits(made, pool.mean(share, jnp.asarray(400.0)), coefficients)[1]
+
+    both = jax.vmap(lambda _: (drawn(ALONE), drawn(Pool(2))), axis_name=TASKS)
+    alone, together = jax.jit(both, compiler_options=UNOPTIMISED)(jnp.arange(2))
+    np.testing.assert_array_equal(alone, np.full((2, 1), UNLIMITED))
+    np.testing.assert_array_equal(together, np.full((2, 1), np.float32(0.45)))
+
+
+def test_entries_made_and_expected_are_sums_over_tasks():
+    worlds = [tiny_grid(goal=goal) for goal in GOALS]
+    experts = stacked(*(random_trajectories(env, seed, 5) for seed, env in enumerate(worlds)))
+    networks = [tiny_networks(env, "aircl_contrast") for env in worlds]
+    params = stacked(*(params for _, params in networks))
+
+    def counted(which, params, expert, pool):
+        env = one_of(worlds, which)
+        nets = tiny_networks(env, "aircl_contrast")[0].bind(params, unit_stats(env))
+        states = entries.scorer(nets, expert, table_of(env), pool)(nets)
+        return states.entered, states.expected, states.demonstrations
+
+    each = jnp.arange(2), params, experts
+    both = jax.vmap(lambda *own: (counted(*own, ALONE), counted(*own, Pool(2))), axis_name=TASKS)
+    alone, together = jax.jit(both, compiler_options=UNOPTIMISED)(*each)
+    for own, pooled in zip(alone[:2], together[:2], strict=True):
+        assert not np.array_equal(own[0], own[1])
+        np.testing.assert_allclose(pooled, np.broadcast_to(np.asarray(own, np.float64).sum(0), (2, 9)), rtol=1e-5)
+    np.testing.assert_array_equal(together[2], [5.0, 5.0])
+
+
+@pytest.mark.slow
 def test_tasks_have_one_reach_and_one_count_and_policies_and_rewards_of_their_own():
-    experts, begun, after = of_points()
+    experts, (begun, after) = of_both_sides(), of_points()
     low, high = begun.adversary_opt.reach
     assert float(low[0, 0]) == float(low[1, 0]) == float(experts.obs.min())
     assert float(high[0, 0]) == float(high[1, 0]) == float(experts.obs.max())
@@ -107,16 +149,10 @@ def test_tasks_have_one_reach_and_one_count_and_policies_and_rewards_of_their_ow
     assert not np.array_equal(*jax.tree.leaves(after.params.policy)[0])
 
 
-def test_entries_are_counted_over_all_tasks_and_the_feasibility_stays_one():
-    experts, state = of_grids()
-    worlds = [tiny_grid(goal=goal) for goal in GOALS]
-    own = [
-        entries.shown_by(jax.tree.map(lambda leaf, index=index: leaf[index], experts), env, table_of(env)).entered
-        for index, env in enumerate(worlds)
-    ]
-    made, expected = state.params.evidence[0]
-    np.testing.assert_array_equal(made, np.asarray(own[0]) + np.asarray(own[1]))
-    assert float(expected.sum()) > 0
+@pytest.mark.slow
+def test_the_feasibility_of_a_grid_stays_one_and_its_rewards_do_not():
+    _, state = of_grids()
+    assert (np.asarray(state.params.evidence).sum(-1) > 0).all()
     for leaf in jax.tree.leaves((state.params.feasibility, state.params.evidence, state.params.thresholds, state.obs_stats)):
         np.testing.assert_array_equal(leaf[0], leaf[1])
     assert not np.array_equal(*jax.tree.leaves(state.params.reward["state"])[0])
