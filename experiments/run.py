@@ -14,6 +14,7 @@ from experiments.cli.command import DEFECT, DONE
 from experiments.cli.hydra_cli import Composed, launch
 from experiments.cli.hydra_settings import RunSettings
 from experiments.cli.progress import Reporter
+from experiments.cli.tasks import tasks_of
 
 if TYPE_CHECKING:
     from aircl_jax import Result
@@ -31,6 +32,9 @@ def run(composed: Composed) -> int:
     settings = updated(RunSettings(), values)
     about = flatten({"env": {"name": composed.env, **env_settings}, "train": train_settings})
     loggers = make_loggers(settings.log, Logged(f"{composed.env}/{settings.method}", Path(settings.run_dir), about))
+
+    if isinstance(settings.demonstrations, tuple):
+        return _several(composed, settings, env_settings, train_settings)
 
     from aircl_jax.runs import world
 
@@ -60,6 +64,43 @@ def run(composed: Composed) -> int:
     if world.is_first():
         _say(result, settings.run_dir)
     return DEFECT if result.defects else DONE
+
+
+def _several(
+    composed: Composed, settings: RunSettings, env_settings: Mapping[str, Any], train_settings: Mapping[str, Any]
+) -> int:
+    """Train several tasks under one constraint, and print of each what a run of it alone prints."""
+    for name, only in (("log", "none"), ("distributed", False), ("contrast_prior", "method")):
+        if getattr(settings, name) != only:
+            raise ValueError(f"{name} is not for several tasks (demonstrations=[…]); leave it out")
+    tasks = tasks_of(settings.demonstrations)
+
+    from aircl_jax import train_tasks
+
+    iterations = f"{settings.iterations} iterations of {settings.seeds} seeds"
+    reporter = Reporter(f"{settings.method} on {composed.env}, {', '.join(tasks)}, {iterations}, in {settings.run_dir}")
+    try:
+        results = train_tasks(
+            composed.env,
+            tasks,
+            settings.method,
+            seeds=settings.seeds,
+            first_seed=settings.first_seed,
+            iterations=settings.iterations,
+            run_dir=settings.run_dir,
+            env_settings=env_settings,
+            config=train_settings,
+            resume=settings.resume,
+            overwrite=settings.overwrite,
+            command=shlex.join(["python", "-m", "experiments.run", *composed.words]),
+            recorders=[reporter],
+        )
+    finally:
+        reporter.close()
+    for name, result in results.items():
+        say(f"\n{name}:")
+        _say(result, str(Path(settings.run_dir) / name))
+    return DEFECT if any(result.defects for result in results.values()) else DONE
 
 
 def _say(result: "Result", run_dir: str) -> None:

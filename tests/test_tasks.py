@@ -13,8 +13,11 @@ from aircl_jax import load, train, train_tasks
 from aircl_jax.reports.card import as_markdown
 from aircl_jax.runs.directory import METRICS, REPORT, STATE, SUMMARY
 from envs import make_env
+from experiments.cli.tasks import tasks_of
+from experiments.run import main as run
 from experiments.tasks import main
 from tests.tiny_runs import CONFIG, GRID
+from tests.tiny_runs import SMALL as SMALL_WORDS
 
 pytestmark = pytest.mark.usefixtures("no_figures")
 
@@ -75,6 +78,43 @@ def test_the_card_says_once_that_the_constraint_is_of_all_tasks():
 def test_the_command_refuses_in_one_line(word, line, capsys):
     assert main([word]) == 2
     assert capsys.readouterr().err.startswith(f"error: {line}")
+
+
+def test_the_list_of_demonstrations_names_tasks_by_their_files():
+    forward, back = tasks_of(["runs/forward.npz", {"source": "back.npz", "name": "home", "reward": "backwards"}]).items()
+    assert forward == ("forward", {"demonstrations": "runs/forward.npz", "env_settings": {}})
+    assert back == ("home", {"demonstrations": "back.npz", "env_settings": {"reward": "backwards"}})
+    assert list(tasks_of([{"goal": [2, 2]}, {"goal": [0, 2]}])) == ["task1", "task2"]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["demonstrations=[a.npz,other/a.npz]"], "demonstrations: two tasks are called a; name one"),
+        (["demonstrations=[a.npz,b.npz]"], "tasks.a: demonstrations=a.npz: there is no such file"),
+        (["demonstrations=[{goall: [2,2]},{}]"], "tasks.task1: unknown setting env.goall"),
+        (["demonstrations=[{},{}]", "log=tensorboard"], "log is not for several tasks"),
+        (["demonstrations=[1,2]"], "demonstrations=[1, 2] is not a text or a list"),
+    ],
+)
+def test_the_command_line_of_several_tasks_refuses_in_one_line(words, line, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["env=gridworld", "method=aircl_contrast", *SMALL_WORDS, "seeds=1", "iterations=2", *words]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {line}")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_the_command_line_trains_tasks_as_python_does(tmp_path, capsys):
+    words = ["env=gridworld", "method=aircl_contrast", *SMALL_WORDS, "seeds=2", "iterations=4", f"run_dir={tmp_path / 'run'}"]
+    named = "demonstrations=[{name: corner, goal: [2,2]},{name: right, goal: [0,2]}]"
+    assert run([*words, named]) == 0
+    printed = capsys.readouterr().out
+    assert "corner:" in printed and "right:" in printed
+    train_tasks("gridworld", GOALS, run_dir=tmp_path / "python", **SMALL)
+    for task in GOALS:
+        assert (tmp_path / "run" / task / METRICS).read_bytes() == (tmp_path / "python" / task / METRICS).read_bytes()
+    assert run([*words, named, "resume=true"]) == 0
 
 
 @pytest.mark.slow

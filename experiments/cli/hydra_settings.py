@@ -27,7 +27,8 @@ contrast_prior  method, on or off: Eq. 13 as the method has it, added, or remove
 seeds           number of seeds, from first_seed on; seed s is the same run alone and among others
 iterations      iterations of training; with resume=true, a larger number extends a run
 run_dir         folder of the run; an existing run needs resume=true or overwrite=true
-demonstrations  an .npz file, a Minari folder or minari:ID instead of the environment's own
+demonstrations  an .npz file, a Minari folder or minari:ID instead of the environment's own; a list learns several tasks
+                under one constraint, a folder each: [FILE,{{source: FILE, name: NAME, SETTING: VALUE}}], SETTING of env
 distributed     true: the processes that srun, mpirun or the environment started together share the seeds of one run
 log             a comma list of {", ".join(LOGGERS)}; or none: metrics are in run_dir/metrics.jsonl in any case
 scale           full, or smoke: a run of seconds that tests the machinery
@@ -50,7 +51,7 @@ class RunSettings:
     first_seed: int = 0
     iterations: int = 250
     run_dir: str = "runs/${hydra:runtime.choices.env}/${method}"
-    demonstrations: str = "default"
+    demonstrations: str | tuple[str | dict, ...] = "default"
     log: str = "none"
     resume: bool = False
     overwrite: bool = False
