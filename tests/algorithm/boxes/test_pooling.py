@@ -126,7 +126,11 @@ def test_entries_made_and_expected_are_sums_over_tasks():
         return states.entered, states.expected, states.demonstrations
 
     each = jnp.arange(2), params, experts
-    both = jax.vmap(lambda *own: (counted(*own, ALONE), counted(*own, Pool(2))), axis_name=TASKS)
+
+    def both_ways(which, params, expert):
+        return counted(which, params, expert, ALONE), counted(which, params, expert, Pool(2))
+
+    both = jax.vmap(both_ways, axis_name=TASKS)
     alone, together = jax.jit(both, compiler_options=UNOPTIMISED)(*each)
     for own, pooled in zip(alone[:2], together[:2], strict=True):
         assert not np.array_equal(own[0], own[1])
