@@ -40,7 +40,7 @@ class Pool:
 
     def every(self, condition: Bool[Array, ""]) -> Bool[Array, ""]:
         """Say whether it holds in all tasks."""
-        return self.least(condition.astype(jnp.float32)) > 0
+        return self.least(condition.astype(jnp.float32)) > 0 if self.tasks > 1 else condition
 
 
 ALONE = Pool()
