@@ -4,7 +4,7 @@ from aircl_jax.methods import METHODS
 
 ON_GRIDS = 1000  # the contrast rows' settings were chosen on seeds 200 to 203 of the default layout (docs/research.md)
 ON_ROBOTS = 110  # on earlier ones settings were chosen (docs/research.md)
-ON_WALKERS = 120  # on seeds 117 to 119 too
+ON_WALKERS = 130  # on seeds 117 to 129 too
 GRIDS = 1000  # the contrast rows' settings were chosen on seeds 200 to 203 of the default layout (docs/research.md)
 ON_ROBOTS = 120  # on earlier ones settings were chosen (docs/research.md)
 GRIDS = ("gridworld", "nonmarkov")

@@ -35,6 +35,7 @@ ASKED = 5  # demonstrated trajectories in whose states the twin is asked each it
 WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
 MOST_CHARGED = 10.0  # of a step, where the line is 1
 MOST_STRAYS = 0.2  # of a rollout, where motors stop at the limits whatever is charged
+AT_FIRST = 1.0 / 30.0  # of λ, there too
 LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
 _NO_REPLAY: Any = None  # no term of the row has negatives
 
@@ -147,7 +148,7 @@ def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
     """The learner's settings: the run's own where it has them.
 
     A cost of the action alone is charged to it alone, with no discount: what is charged later is no fault of this one. It is
-    charged less while π falls, since its motors stop at the limits in any case.
+    charged little at first, and less while π falls, since its motors stop at the limits in any case.
     """
     return replace(
         LearnerConfig(),
@@ -158,7 +159,7 @@ def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
         cost_discount=LearnerConfig().cost_discount if sees_state else 0.0,
         stray_cost=config.moments.stray_cost,
         most_strays=LearnerConfig().most_strays if sees_state else MOST_STRAYS,
-        multiplier_init=config.moments.multiplier_init,
+        multiplier_init=config.moments.multiplier_init * (1.0 if sees_state else AT_FIRST),
         multiplier_rate=config.moments.multiplier_rate,
     )
 
