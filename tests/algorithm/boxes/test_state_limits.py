@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.algorithm.boxes import state_limits
+from aircl_jax.algorithm.pooling import ALONE
 from aircl_jax.model.features import UNLIMITED
 from aircl_jax.settings.train_config import Coefficients
 from aircl_jax.types import ObsStats
@@ -36,8 +37,8 @@ SCALE = state_limits.scale_of((jnp.full(2, LOW), jnp.full(2, HIGH)), 1.0)
 
 
 def after(twin, iterations=state_limits.PATIENCE, met=None):
-    met = state_limits.begin(DEMONSTRATED, SCALE) if met is None else met
-    step = jax.jit(lambda met, twin: state_limits.next_limits(met, twin, SCALE, COEFFICIENTS))
+    met = state_limits.begin(DEMONSTRATED, SCALE, ALONE) if met is None else met
+    step = jax.jit(lambda met, twin: state_limits.next_limits(met, twin, SCALE, COEFFICIENTS, ALONE, DEMONSTRATED.mask.sum()))
     for _ in range(iterations):
         met = step(met, twin)
     return met
@@ -105,7 +106,7 @@ def test_a_world_that_begins_anew_is_within_its_limits_again():
     mask = np.ones((1, 6))
     mask[0, 3] = 0.0  # a restart
     at = jnp.zeros((1, 6, 2)).at[0, 1, 0].set(0.9)
-    met = state_limits.begin(DEMONSTRATED, SCALE)._replace(upper=jnp.array([0.5, UNLIMITED]))
+    met = state_limits.begin(DEMONSTRATED, SCALE, ALONE)._replace(upper=jnp.array([0.5, UNLIMITED]))
     found = np.asarray(state_limits.beyond_others(at, jnp.asarray(mask, jnp.float32), met))[0]
     np.testing.assert_array_equal(found[:, 1], [False, False, True, False, False, False])
     np.testing.assert_array_equal(found[:, 0], [False] * 6)
@@ -121,7 +122,7 @@ def test_masked_steps_are_not_counted():
 
 def test_until_the_limits_are_settled_what_was_never_met_lies_beyond_one():
     stats = ObsStats(jnp.array([0.5, 0.0]), jnp.array([2.0, 0.5]))
-    begun = state_limits.begin(DEMONSTRATED, SCALE)
+    begun = state_limits.begin(DEMONSTRATED, SCALE, ALONE)
     seen = np.asarray(DEMONSTRATED.obs).reshape(-1, 2)
     width = seen.max(axis=0) - seen.min(axis=0)
     lower, upper = state_limits.drawn(begun, SCALE, stats)
