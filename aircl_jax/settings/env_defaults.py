@@ -167,7 +167,11 @@ CONTRAST: dict[str, TrainConfig] = {
 
 # What the baselines with our learner run with, in any world of a box.
 PRACTICE = replace(
-    _CONTRAST_ROBOT, feasibility_delay=0, step_network="additive", adversary=AdversaryConfig(num_steps=8, learning_rate=2e-3)
+    _CONTRAST_ROBOT,
+    feasibility_delay=0,
+    step_network="additive",
+    temperature=0.1,
+    adversary=AdversaryConfig(num_steps=16, learning_rate=4e-3),
 )
 
 

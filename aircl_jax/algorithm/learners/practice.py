@@ -65,11 +65,11 @@ def learn(
 ) -> tuple[Practice, Metrics]:
     """Update by reward and cost: max_π E Σ r̃ subject to E Σ c ≤ d where `bound` is 1, and without the cost where it is 0.
 
-    A step after which the world starts anew is paid `stray_cost` less, in standard deviations of the reward.
+    A step after which the world starts anew is paid `worth_of_strays` besides.
     """
     config = learning.config
     paid, spread = normalised(reward, trajectories.mask, practice.spread, config)
-    paid = paid - config.reward_spread * config.stray_cost * falls(trajectories.mask)
+    paid = paid + worth_of_strays(trajectories, config)
     weight = bound * practice.multiplier
     ends, cost_value = practice.ends[1], practice.trained.cost_value
     batch = make_batch(acting(nets, practice), cost_value, trajectories, ends, paid, cost, weight, config)
@@ -79,6 +79,15 @@ def learn(
     risen = next_multiplier(practice.multiplier, (cost * trajectories.mask).sum(axis=1).mean(), config)
     multiplier = jnp.where(bound > 0, risen, practice.multiplier)
     return Practice(trained, opt, multiplier, spread, practice.ends), metrics
+
+
+def worth_of_strays(trajectories: Trajectory, config: LearnerConfig) -> Float[Array, "N T"]:
+    """−stray_cost, in standard deviations of the reward, of each step after which the world starts anew; with
+    `strays_bootstrap` γ V of where it led besides, so that starting anew is no way out of a state that is worth little.
+    """
+    led_to = jnp.concatenate([trajectories.value[:, 1:], jnp.zeros_like(trajectories.value[:, :1])], axis=1)
+    worth = config.strays_bootstrap * config.ppo.discount * led_to - config.reward_spread * config.stray_cost
+    return worth * falls(trajectories.mask)
 
 
 def acting(nets: BoundNetworks, practice: Practice) -> BoundNetworks:
