@@ -82,12 +82,15 @@ def learn(
 
 
 def worth_of_strays(trajectories: Trajectory, config: LearnerConfig) -> Float[Array, "N T"]:
-    """−stray_cost, in standard deviations of the reward, of each step after which the world starts anew; with
-    `strays_bootstrap` γ V of where it led besides, so that starting anew is no way out of a state that is worth little.
+    """Charge each step after which the world starts anew `stray_cost`, in standard deviations of the reward.
+
+    With `strays_bootstrap` γ V of where it led counts too, so that straying is no way out of a state that is worth little.
     """
+    strayed, cost = falls(trajectories.mask), config.reward_spread * config.stray_cost
+    if not config.strays_bootstrap:
+        return -cost * strayed
     led_to = jnp.concatenate([trajectories.value[:, 1:], jnp.zeros_like(trajectories.value[:, :1])], axis=1)
-    worth = config.strays_bootstrap * config.ppo.discount * led_to - config.reward_spread * config.stray_cost
-    return worth * falls(trajectories.mask)
+    return (config.ppo.discount * led_to - cost) * strayed
 
 
 def acting(nets: BoundNetworks, practice: Practice) -> BoundNetworks:
