@@ -74,7 +74,7 @@ class Method:
 
     @property
     def is_of_boxes(self) -> bool:
-        """Whether π learns in a practice world, where actions are of a box."""
+        """Whether π learns in practice, where actions are of a box; δ₁ is then of states or of actions, not of both."""
         return self.has_twin or self.practises
 
     @property

@@ -74,13 +74,12 @@ class Networks:
     def constraint_input(self) -> str:
         """What the feasibility is a function of, "state", "action" or "state_action": the last in all of the paper's rows.
 
-        A row with a twin counts one of the two: states where the constraint is known to be of states alone, else actions.
+        A row of boxes tests one of the two: states where the constraint is known to be of states alone, else actions.
         """
         told = self.env.constraint_input if self.config.constraint_input == "env" else self.config.constraint_input
-        if self.method.has_twin:
+        if self.method.is_of_boxes:
             return "state" if told == "state" else "action"
-        asks = self.method.is_ratio_test or self.method.practises or self.config.constraint_input != "env"
-        return told if asks else "state_action"
+        return told if self.config.constraint_input != "env" or self.method.is_ratio_test else "state_action"
 
     @property
     def entropy_weight(self) -> float:
