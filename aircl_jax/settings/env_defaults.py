@@ -179,7 +179,11 @@ def practice_of_box(horizon: int, actions: int) -> TrainConfig:
     """What the baselines with the contrast row's learner run with, in any world of a box."""
     shared = contrast_of_box(horizon, actions)
     return replace(
-        shared, feasibility_delay=0, step_network="additive", adversary=AdversaryConfig(num_steps=8, learning_rate=2e-3)
+        shared,
+        feasibility_delay=0,
+        step_network="additive",
+        temperature=0.1,
+        adversary=AdversaryConfig(num_steps=16, learning_rate=4e-3),
     )
 
 

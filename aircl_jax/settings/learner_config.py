@@ -28,6 +28,7 @@ class LearnerConfig:
     released_log_std_max: float = -1.2  # upper bound of log σ of unconstrained seeds: σ ≤ .3
     stray_cost: float = 0.0  # of a step after which the world starts anew, in standard deviations of the reward
     most_strays: float = math.inf  # of a rollout: with more of them λ falls
+    strays_bootstrap: bool = False  # whether V of where such a step leads counts, as at a time limit; else nothing follows it
     restart: bool = False  # practise with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
     fall_cost: float = 1.0  # cost of a fall in practice
     motor_limit: float = 0.0  # constrained seeds practise with motors that stop there; asking for more costs; 0: no stop

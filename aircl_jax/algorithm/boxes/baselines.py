@@ -34,8 +34,13 @@ def make_steps(nets: Networks) -> Steps:
     """
     env, config, method = nets.env, nets.config, nets.method
     box_of(env, "airl, gacl or icrl")
-    settings = replace(learner_of(config, sees_state=nets.feasibility_sees_state), most_strays=math.inf)  # no motor stops
-    if method.discriminates:  # GACL has no budget: its policy is paid r + log δ
+    settings = replace(
+        learner_of(config, sees_state=nets.feasibility_sees_state),
+        strays_bootstrap=True,
+        most_strays=math.inf,  # no motor stops at a limit here
+        multiplier_init=config.moments.multiplier_init,
+    )
+    if method.discriminates:  # GACL has no budget, for its policy is paid r + log δ; AIRL has no cost
         settings = replace(settings, multiplier_init=1.0, multiplier_rate=0.0)
     learning = Learning(settings, make_optimiser(settings, env.horizon))
 

@@ -64,11 +64,11 @@ def learn(
 ) -> tuple[Practice, Metrics]:
     """Update by reward and cost: max_π E Σ r̃ subject to E Σ c ≤ d where `bound` is 1, and without the cost where it is 0.
 
-    A step after which the world starts anew is paid `stray_cost` less, in standard deviations of the reward.
+    A step after which the world starts anew is paid `worth_of_strays` besides.
     """
     config = learning.config
     paid, spread = normalised(reward, trajectories.mask, practice.spread, config)
-    paid = paid - config.reward_spread * config.stray_cost * falls(trajectories.mask)
+    paid = paid + worth_of_strays(trajectories, config)
     weight = bound * practice.multiplier
     ends, cost_value = practice.ends[1], practice.trained.cost_value
     batch = make_batch(acting(nets, practice), cost_value, trajectories, ends, paid, cost, weight, config)
@@ -79,6 +79,18 @@ def learn(
     multiplier = risen_or_fallen(practice.multiplier, spent, trajectories.mask, config)
     multiplier = jnp.where(bound > 0, multiplier, practice.multiplier)
     return Practice(trained, opt, multiplier, spread, practice.ends), metrics
+
+
+def worth_of_strays(trajectories: Trajectory, config: LearnerConfig) -> Float[Array, "N T"]:
+    """Charge each step after which the world starts anew `stray_cost`, in standard deviations of the reward.
+
+    With `strays_bootstrap` γ V of where it led counts too, so that straying is no way out of a state that is worth little.
+    """
+    strayed, cost = falls(trajectories.mask), config.reward_spread * config.stray_cost
+    if not config.strays_bootstrap:
+        return -cost * strayed
+    led_to = jnp.concatenate([trajectories.value[:, 1:], jnp.zeros_like(trajectories.value[:, :1])], axis=1)
+    return (config.ppo.discount * led_to - cost) * strayed
 
 
 def acting(nets: BoundNetworks, practice: Practice) -> BoundNetworks:

@@ -84,3 +84,14 @@ def test_the_policy_that_acts_is_the_one_that_practises():
     other = practice._replace(trained=practice.trained._replace(policy=nets.networks.init(jax.random.key(9)).policy))
     assert same(practising.acting(nets, other).params.policy, other.trained.policy)
     assert same(practising.acting(nets, practice).params.value, practice.trained.value)
+
+
+@pytest.mark.parametrize("bootstraps", [False, True])
+def test_straying_costs_and_what_it_leads_to_counts_where_that_is_asked_for(bootstraps):
+    config = replace(CONFIG, stray_cost=50.0, reward_spread=0.1, strays_bootstrap=bootstraps)
+    learning, nets, practice = begun()
+    drawn, _ = practising.roll_out(learning, nets, practice, WORLD, jnp.asarray(False), jax.random.key(3))
+    drawn = drawn._replace(mask=jnp.ones_like(drawn.mask).at[0, 2].set(0.0))
+    expected = np.zeros(drawn.mask.shape)
+    expected[0, 1] = bootstraps * config.ppo.discount * float(drawn.value[0, 2]) - 5.0
+    np.testing.assert_allclose(practising.worth_of_strays(drawn, config), expected, rtol=1e-6)
