@@ -147,7 +147,7 @@ def test_all_worlds_share_one_row_of_settings_and_as_many_steps_an_iteration():
         "gymnasium": 40,
     }
     contrast = {name: default_config(name, "contrast") for name in rows}
-    own = {"feasibility_delay": 0, "step_network": "additive", "adversary": rows["swimmer"].adversary}
+    own = {"feasibility_delay": 0, "step_network": "additive", "temperature": 0.1, "adversary": rows["swimmer"].adversary}
     assert rows == {name: replace(row, **own) for name, row in contrast.items()}
     assert config_of(pushed_point(horizon=6), "practice") == replace(rows["swimmer"], num_trajectories=1334)
     assert config_of(make_env("pendulum"), "practice") == rows["pendulum"]
