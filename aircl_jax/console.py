@@ -9,6 +9,7 @@ from aircl_jax.messages import say, tell
 
 COMMANDS = {
     "run": "train a method on a world",
+    "tasks": "several tasks under one constraint beside each alone",
     "search": "settings of training, by demonstrations held out",
     "watch": "show a robot's run as a film",
     "shield": "put an unconstrained expert behind a learned constraint",

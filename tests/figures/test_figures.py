@@ -57,6 +57,8 @@ def test_a_known_reward_and_a_clone_have_no_learned_reward_to_draw():
         "gacl",
         "icrl",
         "icrl_prior",
+        "gacl_tuned",
+        "icrl_tuned",
         "bc",
     ]
 

@@ -4,7 +4,6 @@ One fused step of one seed, as in `trainer`. The adversary is that of the row's 
 true reward or what AIRL pays, and charged for what the learned feasibility says (docs/equations.md).
 """
 
-import math
 from dataclasses import replace
 
 import jax
@@ -23,6 +22,7 @@ from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.model.feasibility import SIGMOID_FLOOR, log_step_feasibility
 from aircl_jax.model.networks import BoundNetworks, Networks
+from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
 
 
@@ -37,7 +37,7 @@ def make_steps(nets: Networks) -> Steps:
     settings = replace(
         learner_of(config, sees_state=nets.feasibility_sees_state),
         strays_bootstrap=True,
-        most_strays=math.inf,  # no motor stops at a limit here
+        most_strays=LearnerConfig().most_strays,  # no motor stops at a limit here
         multiplier_init=config.moments.multiplier_init,
     )
     if method.discriminates:  # GACL has no budget, for its policy is paid r + log δ; AIRL has no cost
