@@ -9,8 +9,8 @@ from aircl_jax.messages import say, tell
 
 COMMANDS = {
     "run": "train a method on a world",
-    "tasks": "several tasks under one constraint beside each alone",
     "search": "settings of training, by demonstrations held out",
+    "tasks": "several tasks under one constraint beside each alone",
     "watch": "show a robot's run as a film",
     "shield": "put an unconstrained expert behind a learned constraint",
     "export": "write policy, reward and feasibility as StableHLO and ONNX",
