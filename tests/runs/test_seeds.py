@@ -121,7 +121,7 @@ def test_seeds_in_groups_are_those_of_one_call_in_their_order_and_few_are_one_ca
 def test_what_was_compiled_is_forgotten_where_it_holds_too_many_memory_maps():
     double: Any = jax.jit(lambda x: 2 * x)
     double(jnp.ones(3))
-    seeds.relieve()
+    seeds.relieve(share=1.0)  # a process of many tests may hold a quarter already
     assert double._cache_size() == 1
     seeds.relieve(share=0.0)
     assert double._cache_size() == 0
