@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.boxes import moments
+from aircl_jax.algorithm.boxes.state_limits import Reach, scale_of
 from aircl_jax.algorithm.measures import (
     all_finite,
     auroc,
@@ -53,7 +54,7 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
         "occupancy_tv": occupancy_tv(nets, expert, policy),
         "log_std_at_bound": _log_std_at_bound(nets),
         **_next_codes(nets, expert, expert_scores),
-        **(_moments(nets, expert, policy) if networks.method.has_twin else {}),
+        **(_moments(nets, state.adversary_opt.reach, expert, policy) if networks.method.has_twin else {}),
         **(state.adversary_opt._asdict() if networks.method.is_fitted else {}),
     }
     finite = all_finite((state.params, jnp.where(policy.mask[..., None] > 0, policy.obs, 0.0)))
@@ -74,18 +75,15 @@ def occupancy_tv(nets: BoundNetworks, expert: Trajectory, policy: Trajectory) ->
     return 0.5 * jnp.abs(histogram(expert) - histogram(policy)).sum(axis=-1).mean()
 
 
-def _moments(nets: BoundNetworks, expert: Trajectory, policy: Trajectory) -> Metrics:
+def _moments(nets: BoundNetworks, reach: Reach, expert: Trajectory, policy: Trajectory) -> Metrics:
     """Measure how far π's mean features are from the demonstrations', and how often it is where none of those was.
 
-    `moment_gap` is the root mean square of E_E φ − E_π φ; `strayed` is the share of steps with a coordinate beyond the
-    demonstrations' range by more of its widths than π may stray in practice.
+    `moment_gap` is the root mean square of E_E φ − E_π φ; `strayed` is the share of steps with a coordinate further beyond the
+    demonstrations' `reach` than π may stray in practice.
     """
     gap = moments.mean_features(nets, expert) - moments.mean_features(nets, policy)
-    seen, margin = expert.mask[..., None] > 0, nets.config.moments.margin
-    low = jnp.where(seen, expert.obs, jnp.inf).min((0, 1))
-    high = jnp.where(seen, expert.obs, -jnp.inf).max((0, 1))
-    outside = (jnp.abs(policy.obs - (low + high) / 2.0) > (0.5 + margin) * (high - low)).any(axis=-1)
-    return {"moment_gap": jnp.sqrt((gap**2).mean()), "strayed": (outside * policy.mask).sum() / policy.mask.sum()}
+    outside = (jnp.abs(scale_of(reach, nets.config.moments.margin).of(policy.obs)) >= 1.0).any(axis=-1)
+    return {"moment_gap": moments.size_of(gap), "strayed": (outside * policy.mask).sum() / policy.mask.sum()}
 
 
 def _scores(nets: BoundNetworks, trajectories: Trajectory) -> Scores:

@@ -72,7 +72,8 @@ ALARMS = (
         "log_std_at_bound",
         lambda x: x > 0.0,
         "the policy's log σ stands at a bound",
-        "Move the bound (train.ppo.log_std_min=, train.ppo.log_std_max=)",
+        "At the lower bound it has settled; at the upper one, or where it should explore, move the bound "
+        "(train.ppo.log_std_min=, train.ppo.log_std_max=)",
     ),
     Alarm(
         "balanced_acc",

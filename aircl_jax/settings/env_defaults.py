@@ -187,6 +187,9 @@ def practice_of_box(horizon: int, actions: int) -> TrainConfig:
     )
 
 
+PRACTICE = {name: practice_of_box(*shape) for name, shape in BOXES.items()}
+
+
 # What is fitted by likelihood runs with, in any world: one fit.
 LIKELIHOOD = TrainConfig(iterations=1, checkpoint_every=1)
 
@@ -225,9 +228,8 @@ def default_config(env_name: str, settings: Settings) -> TrainConfig:
     """The settings of an environment for the paper's rows or for ours; those of TrainConfig where it is not in the table."""
     if settings == "likelihood":
         return LIKELIHOOD
-    if settings == "practice":
-        return practice_of_box(*BOXES[env_name]) if env_name in BOXES else TrainConfig()
-    return {"paper": PAPER, "tuned": TUNED, "contrast": CONTRAST}[settings].get(env_name, TrainConfig())
+    tables = {"paper": PAPER, "tuned": TUNED, "contrast": CONTRAST, "practice": PRACTICE}
+    return tables[settings].get(env_name, TrainConfig())
 
 
 def config_of(env: Env, settings: Settings) -> TrainConfig:

@@ -26,7 +26,7 @@ class LearnerConfig:
     release: float = 0.0  # share of the iterations for which unconstrained seeds keep the constraint
     released_log_std_max: float = -1.2  # upper bound of log σ of unconstrained seeds: σ ≤ .3
     stray_cost: float = 0.0  # of a step after which the world starts anew, in standard deviations of the reward
-    most_strays: float = 1e9  # of a rollout: with more of them λ falls
+    most_strays: float = 1e9  # in practice: where a rollout starts anew more often, λ falls
     strays_bootstrap: bool = False  # whether V of where such a step leads counts, as at a time limit; else nothing follows it
     restart: bool = False  # practise with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
     fall_cost: float = 1.0  # cost of a fall in practice

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 import pytest
 
 from aircl_jax.reports.alarms import ALARMS, alarms, untuned
-from aircl_jax.settings.env_defaults import GUESTS, TUNED, config_of, contrast_of_box
+from aircl_jax.settings.env_defaults import GUESTS, TUNED, config_of
 from aircl_jax.settings.train_config import TrainConfig
 from envs import ENVS, make_env
 from envs.settings import flatten
@@ -29,15 +29,6 @@ def test_a_world_of_ones_own_takes_no_settings_by_its_name():
     assert untuned(own)[0].startswith("env=walker runs with untuned settings")
     assert config_of(own, "tuned") == TrainConfig()
     assert config_of(make_env("gridworld"), "tuned") == TUNED["gridworld"]
-
-
-@pytest.mark.parametrize("name", ["swimmer", "walker", "halfcheetah", "hopper", "pendulum"])
-def test_horizon_and_number_of_actions_are_all_that_the_contrast_row_is_told_of_a_robot(name):
-    env = make_env(name)
-    assert config_of(env, "contrast") == contrast_of_box(env.horizon, env.action_space.feature_size)
-    own = replace(env, name="own", registered=False)
-    assert config_of(own, "contrast") == config_of(env, "contrast")
-    assert config_of(own, "contrast").num_trajectories * env.horizon == 8_000
 
 
 def test_an_alarm_names_the_seeds_that_it_rings_for():

@@ -67,6 +67,21 @@ def of_result(result: Result, name: str, obs, *rest) -> list:
     return [result.step_feasibility(trajectory, 1)[0] if name == "step_feasibility" else result.feasibility(trajectory, 1)]
 
 
+def test_a_policy_with_learned_limits_says_to_what_a_draw_is_clipped():
+    free = untrained_robot("aircl_contrast")
+    policy = free.states.params.policy["params"]
+    number = len(free.summary["seeds"])
+    drawn = {"lower": np.tile([-0.25, -100.0], (number, 1)), "upper": np.tile([0.5, 0.125], (number, 1))}
+    limited = {"params": policy | {side: jax.numpy.asarray(end) for side, end in drawn.items()}}
+    held = replace(free, states=free.states._replace(params=free.states.params._replace(policy=limited)))
+    (found,) = [function for function in exportables(held, 1) if function.name == "policy"]
+    assert "clip what is drawn to the learned limits, from [-0.25, -1.0] to [0.5, 0.125]" in found.about
+    assert functions(True)[1]["policy"].about.endswith("the world clips what is drawn")
+    obs = jax.numpy.asarray(held.expert.obs[0, 0], jax.numpy.float32)
+    mean = np.asarray(jax.jit(found.call)(obs)[0])
+    assert (mean >= [-0.25, -np.inf]).all() and (mean <= [0.5, 0.125]).all()  # without a limit the world clips
+
+
 def test_a_difference_is_relative_to_what_is_large_and_infinite_between_shapes():
     assert difference(np.array([1e3 + 1e-3, 0.5]), np.array([1e3, 0.5])) == pytest.approx(1e-6, rel=1e-3)
     assert difference(np.array([0.5 + 1e-3]), np.array([0.5])) == pytest.approx(1e-3)

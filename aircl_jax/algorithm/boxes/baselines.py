@@ -22,7 +22,6 @@ from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.model.feasibility import SIGMOID_FLOOR, log_step_feasibility
 from aircl_jax.model.networks import BoundNetworks, Networks
-from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.types import Metrics, ObsStats, TrainState, Trajectory
 
 
@@ -34,12 +33,7 @@ def make_steps(nets: Networks) -> Steps:
     """
     env, config, method = nets.env, nets.config, nets.method
     box_of(env, "airl, gacl or icrl")
-    settings = replace(
-        learner_of(config, sees_state=nets.feasibility_sees_state),
-        strays_bootstrap=True,
-        most_strays=LearnerConfig().most_strays,  # no motor stops at a limit here
-        multiplier_init=config.moments.multiplier_init,
-    )
+    settings = replace(learner_of(config, sees_state=nets.feasibility_sees_state, stops=False), strays_bootstrap=True)
     if method.discriminates:  # GACL has no budget, for its policy is paid r + log δ; AIRL has no cost
         settings = replace(settings, multiplier_init=1.0, multiplier_rate=0.0)
     learning = Learning(settings, make_optimiser(settings, env.horizon))

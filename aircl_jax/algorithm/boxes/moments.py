@@ -39,6 +39,11 @@ def next_weights(
     return Weights(now, jnp.where(step < first, now, averaged))
 
 
+def size_of(gap: Float[Array, " K"]) -> Float[Array, ""]:
+    """Root mean square over the features."""
+    return jnp.sqrt((gap**2).mean())
+
+
 def mean_features(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, " K"]:
     """Mean of φ(s̃) over the unmasked steps of a set, [N, T, …]."""
     phi = jax.vmap(jax.vmap(lambda obs: features(nets.normalise(obs))))(trajectories.obs)

@@ -34,8 +34,8 @@ from envs.robots.practice_worlds import bounded, clipped_world, restarting
 ASKED = 5  # demonstrated trajectories in whose states the twin is asked each iteration
 WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
 MOST_CHARGED = 10.0  # of a step, where the line is 1
-MOST_STRAYS = 0.2  # of a rollout, where motors stop at the limits whatever is charged
-AT_FIRST = 1.0 / 30.0  # of λ, there too
+MOST_STRAYS = 0.2  # a rollout, where motors stop at the limits whatever is charged
+AT_FIRST = 1.0 / 30.0  # share of λ to begin with, there too
 LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
 _NO_REPLAY: Any = None  # no term of the row has negatives
 
@@ -102,7 +102,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         feasibility = limited(nets, contrast._replace(expected=expected), state.obs_stats)
         params = state.params._replace(reward={"params": {"weights": weights.mean}}, feasibility=feasibility)
         params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert, pool)
-        near = (contrast.near + 1.0) * (jnp.sqrt((gap**2).mean()) < config.moments.near)
+        near = (contrast.near + 1.0) * (moments.size_of(gap) < config.moments.near)
         began = (contrast.since > 0) | (near >= LASTING) | (state.step >= config.feasibility_delay)
 
         after = nets.bind(params, state.obs_stats)
@@ -122,7 +122,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         metrics = {
             **step_metrics(env, done, done, trajectory_feasibility(after, done), expert_log_delta),
             **losses,
-            "moment_gap": jnp.linalg.norm(gap),
+            "moment_gap": moments.size_of(gap),
             "multiplier": new.multiplier,
             "constrained": bound,
             "strays": falls(policy.mask).sum(axis=1).mean(),
@@ -140,15 +140,16 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
 def learning_of(nets: Networks) -> Learning:
     """What does not change in training. Raises ValueError where the world has no such box."""
     box_of(nets.env)
-    settings = learner_of(nets.config, sees_state=nets.feasibility_sees_state)
+    sees_state = nets.feasibility_sees_state
+    settings = learner_of(nets.config, sees_state=sees_state, stops=not sees_state)
     return Learning(settings, make_optimiser(settings, nets.env.horizon))
 
 
-def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
+def learner_of(config: TrainConfig, *, sees_state: bool, stops: bool) -> LearnerConfig:
     """The learner's settings: the run's own where it has them.
 
-    A cost of the action alone is charged to it alone, with no discount: what is charged later is no fault of this one. It is
-    charged little at first, and less while π falls, since its motors stop at the limits in any case.
+    A cost of the action alone is charged to it alone, with no discount: what is charged later is no fault of this one. Where
+    motors stop at the limits in any case, it is charged little at first, and less while π falls.
     """
     return replace(
         LearnerConfig(),
@@ -158,8 +159,8 @@ def learner_of(config: TrainConfig, *, sees_state: bool) -> LearnerConfig:
         ppo=config.ppo,
         cost_discount=LearnerConfig().cost_discount if sees_state else 0.0,
         stray_cost=config.moments.stray_cost,
-        most_strays=LearnerConfig().most_strays if sees_state else MOST_STRAYS,
-        multiplier_init=config.moments.multiplier_init * (1.0 if sees_state else AT_FIRST),
+        most_strays=MOST_STRAYS if stops else LearnerConfig().most_strays,
+        multiplier_init=config.moments.multiplier_init * (AT_FIRST if stops else 1.0),
         multiplier_rate=config.moments.multiplier_rate,
     )
 

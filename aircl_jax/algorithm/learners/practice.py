@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
-from aircl_jax.algorithm.learners.scale_free import Spread, falls, normalised, practise, risen_or_fallen
+from aircl_jax.algorithm.learners.lagrangian import next_multiplier
+from aircl_jax.algorithm.learners.scale_free import Spread, falls, normalised, practise
 from aircl_jax.algorithm.learners.scale_free_update import Trained, make_batch, update
 from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.settings.learner_config import LearnerConfig
@@ -76,9 +77,21 @@ def learn(
         acting(nets, practice), practice.trained, practice.opt, batch, key, learning.optimiser, config
     )
     spent = (cost * trajectories.mask).sum(axis=1).mean()
-    multiplier = risen_or_fallen(practice.multiplier, spent, trajectories.mask, config)
-    multiplier = jnp.where(bound > 0, multiplier, practice.multiplier)
+    moved = risen_or_fallen(practice.multiplier, spent, trajectories.mask, config)
+    multiplier = jnp.where(bound > 0, moved, practice.multiplier)
     return Practice(trained, opt, multiplier, spread, practice.ends), metrics
+
+
+def risen_or_fallen(
+    multiplier: Float[Array, ""], spent: Float[Array, ""], mask: Float[Array, "N T"], config: LearnerConfig
+) -> Float[Array, ""]:
+    """Ascend log λ by what a rollout spends, or let λ fall while rollouts start anew more than `most_strays` times.
+
+    A body that cannot stand for what it is charged would learn nothing else.
+    """
+    fallen = multiplier * jnp.exp(-config.multiplier_rate)
+    often = falls(mask).sum(axis=1).mean() > config.most_strays
+    return jnp.where(often, fallen, next_multiplier(multiplier, spent, config))
 
 
 def worth_of_strays(trajectories: Trajectory, config: LearnerConfig) -> Float[Array, "N T"]:

@@ -113,7 +113,6 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
         cost = jnp.maximum(cost, config.fall_cost * falls(trajectories.mask))
         multiplier = jnp.where(held, state.multiplier, 0.0)
         paid, spread = normalised(reward - config.temperature * trajectories.log_prob, trajectories.mask, state.spread, config)
-        paid = paid - config.reward_spread * config.stray_cost * falls(trajectories.mask)
         batch = make_batch(acting, state.trained.cost_value, trajectories, ends[1], paid, cost, multiplier, config)
         highest = jnp.where(task.constrained > 0, config.ppo.log_std_max, config.released_log_std_max)
         bounded_std = replace(config, ppo=replace(config.ppo, log_std_max=highest))
@@ -122,7 +121,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
         state = LearnerState(
             trained,
             opt,
-            risen_or_fallen(state.multiplier, violations, trajectories.mask, config),
+            next_multiplier(state.multiplier, violations, config),
             observe(state.moments, trajectories),
             spread,
             ends,
@@ -164,18 +163,6 @@ def practise(
         return rollout_from(acting, key_steps, start, world)
 
     return jax.vmap(one)(jax.random.split(key, config.num_trajectories), ends)
-
-
-def risen_or_fallen(
-    multiplier: Float[Array, ""], cost: Float[Array, ""], mask: Float[Array, "N T"], config: LearnerConfig
-) -> Float[Array, ""]:
-    """Ascend log λ by the cost of a rollout, or let λ fall while there are more than `most_strays` falls in one.
-
-    A body that cannot stand for what it is charged would learn nothing else.
-    """
-    fallen = multiplier * jnp.exp(-config.multiplier_rate)
-    often = falls(mask).sum(axis=1).mean() > config.most_strays
-    return jnp.where(often, fallen, next_multiplier(multiplier, cost, config))
 
 
 def falls(mask: Float[Array, "N T"]) -> Float[Array, "N T"]:

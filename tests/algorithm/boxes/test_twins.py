@@ -224,6 +224,18 @@ def test_what_lies_beyond_a_limit_is_charged_and_what_is_masked_is_not():
     np.testing.assert_allclose(twins.beyond(nets.bind(params, stats), taken), expected, rtol=1e-3)
 
 
+def test_a_policy_whose_motors_stop_is_charged_little_at_first_and_less_while_it_strays():
+    moments = CONFIG.moments
+    stopped, free = (twins.learner_of(CONFIG, sees_state=not stops, stops=stops) for stops in (True, False))
+    assert (stopped.multiplier_init, stopped.most_strays) == (pytest.approx(moments.multiplier_init / 30), 0.2)
+    assert (free.multiplier_init, free.most_strays > 1e6) == (moments.multiplier_init, True)
+    assert (stopped.cost_discount, free.cost_discount) == (0.0, 0.99)
+    assert float(ran()[0][0].ppo_opt.multiplier) == pytest.approx(moments.multiplier_init / 30)
+    of_states = make_trainer(replace(pushed_point(), constraint_input="state"), METHOD, CONFIG)
+    begun = of_states.init(jax.random.key(0), shown(pushed_point()))
+    assert float(begun.ppo_opt.multiplier) == pytest.approx(moments.multiplier_init)
+
+
 def test_every_number_of_a_step_is_finite():
     for measured in ran()[1][1:]:
         assert float(measured[FINITE]) == 1.0
