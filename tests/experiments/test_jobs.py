@@ -48,13 +48,11 @@ def test_notes_of_an_earlier_sweep_are_forgotten_and_a_job_without_an_end_is_a_f
     assert list(jobs.notes(tmp_path)) == []
 
 
-def sweep(launcher: str, run_dir: str, *words: str) -> subprocess.Popen:
+def sweep(launcher: str, run_dir: str, *words: str, heard: int = subprocess.PIPE) -> subprocess.Popen:
     command = [sys.executable, "-m", "experiments.run", "-m", *WORDS, f"iterations={CHUNK}", *LAUNCHERS[launcher][1]]
     command += ["hydra.sweep.dir=jobs", f"run_dir={run_dir}", *words]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    return subprocess.Popen(command, env=environment, stdout=heard, stderr=heard, text=True, start_new_session=True)
 
 
 @pytest.mark.slow
@@ -62,11 +60,11 @@ def sweep(launcher: str, run_dir: str, *words: str) -> subprocess.Popen:
 def test_a_failed_job_of_a_launcher_is_named_and_a_killed_sweep_goes_on(launcher):
     pytest.importorskip(LAUNCHERS[launcher][0])
     words = ("run_${first_seed}", f"first_seed={','.join(map(str, range(JOBS)))}")
-    killed = sweep(launcher, *words)
+    killed = sweep(launcher, *words, heard=subprocess.DEVNULL)  # a pipe that nobody reads would be full before half is done
     while len(list(Path().glob("*/report.md"))) < JOBS // 2 and killed.poll() is None:
         time.sleep(0.05)
     os.killpg(killed.pid, signal.SIGKILL)
-    killed.communicate()
+    killed.wait()
     time.sleep(5)  # until workers in sessions of their own have seen that nobody waits for them
     done = set(Path().glob("*/report.md"))
     assert JOBS // 2 <= len(done) < JOBS
