@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PRNGKeyArray, Shaped
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, Shaped
 
 from envs.views import BY_NUMBER, Activities, Codes, Coordinates, Maze, View
 
@@ -173,6 +173,7 @@ class Env:
     shipped_demonstrations: str | None = None  # name of the shipped D_E and its reference set, where experts are trained
     view: View = BY_NUMBER  # how to draw the world, and what its observations and actions are called
     limit: Limit | None = None  # the line that its constraint draws, where there is one
+    fallen: Callable[[Any], Bool[Array, ""]] | None = None  # of a state: whether its body has fallen, where it can fall
     registered: bool = False  # made by the registry, so that its settings are found by its name
     task: str = ""  # of a world of another library, which its name alone does not say
 

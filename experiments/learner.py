@@ -92,7 +92,7 @@ def _cell(settings: Settings, name: str) -> None:
     task = TASKS[name]
     say(f"{name}, reward × {unit:g}: {task.about}")
     world, commit = make_env(task.env, **task.settings), current_commit()
-    config = learner_config(task.env, constrained=task.constrained)
+    config = learner_config(world, constrained=task.constrained)
     if settings.iterations:
         config = replace(config, iterations=settings.iterations)
     seeds = range(settings.first_seed, settings.first_seed + settings.seeds)

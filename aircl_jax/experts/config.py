@@ -5,9 +5,9 @@ from dataclasses import replace
 from typing import Any
 
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
-from aircl_jax.settings.learner_config import LearnerConfig
+from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from envs import Env
-from envs.robots.tasks import ROBOTS, always
+from envs.robots.tasks import ROBOTS
 from envs.settings import updated
 
 _DEFAULT = LagrangianConfig()
@@ -58,21 +58,10 @@ EXPERTS: dict[str, LagrangianConfig] = {
 }
 
 
-# Every other task: the learner of the swap tests. With its multiplier of 10 at the start σ vanishes before the body can run, so
-# λ begins near 0; where actions are bound, motors stop at the limit meanwhile (docs/experts.md). The seeds are its candidates.
-RULE = replace(LearnerConfig(), iterations=320, candidates=1, multiplier_init=0.1, multiplier_rate=0.03)
-# Toppling forward moves x faster than hopping does at first, and practice puts the body back on its feet. So a body that can
-# fall is paid for every step that it stands, five standard deviations of the reward, and looks 100 steps ahead.
-FALLING = replace(
-    RULE,
-    restart=True,
-    fall_cost=0.0,
-    alive_bonus=5.0,
-    reward_spread=0.03,
-    multiplier_init=0.02,
-    ppo=replace(RULE.ppo, discount=0.99),
-)
-
+# Every other task: the learner of the swap tests; its settings for bodies that can fall where this one can, and for others
+# these. With its multiplier of 10 at the start σ vanishes before the body can run, so λ begins near 0; where actions are bound,
+# motors stop at the limit meanwhile (docs/experts.md). The seeds are its candidates.
+RULE = replace(LearnerConfig(), iterations=320, candidates=1, stops=True, multiplier_init=0.1, multiplier_rate=0.03)
 GROUP = 20  # episodes of each group of a reference set, where no other number is asked for
 Config = LagrangianConfig | LearnerConfig
 
@@ -87,9 +76,7 @@ def expert_config(env: Env, constraint: str) -> Config:
     name = f"{env.name}_{constraint}"
     if name in EXPERTS:
         return EXPERTS[name]
-    bound = env.limit is not None and env.limit.bounds == "actions"
-    falls = any(task.healthy is not always for task in ROBOTS[env.name].tasks.values())
-    return replace(FALLING if falls else RULE, motor_limit=env.limit.value if env.limit and bound else 0.0)
+    return RULE if env.fallen is None else learner_config(env)
 
 
 def read_config(values: Mapping[str, Any]) -> Config:

@@ -1,8 +1,9 @@
-"""Frozen settings of the learner of oracles and swaps, and the one row of settings that all robots share."""
+"""Frozen settings of the learner of oracles and swaps: one row for all robots, and one for those that can fall."""
 
 from dataclasses import dataclass, field, replace
 
 from aircl_jax.settings.train_config import PPOConfig
+from envs import Env
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,9 @@ class LearnerConfig:
     stray_cost: float = 0.0  # of a step after which the world starts anew, in standard deviations of the reward
     most_strays: float = 1e9  # in practice: where a rollout starts anew more often, λ falls
     strays_bootstrap: bool = False  # whether V of where such a step leads counts, as at a time limit; else nothing follows it
-    restart: bool = False  # practise with Gymnasium's early end, getting up within the rollout; judged at the fixed horizon
+    restart: bool = False  # a body that falls gets up within the rollout, which costs a step; judged at the fixed horizon
     fall_cost: float = 1.0  # cost of a fall in practice
-    motor_limit: float = 0.0  # constrained seeds practise with motors that stop there; asking for more costs; 0: no stop
+    stops: bool = False  # practise with motors that stop at the limits of actions while these count; asking for more costs
     ppo: PPOConfig = field(
         default_factory=lambda: PPOConfig(
             learning_rate=3e-3,
@@ -44,12 +45,35 @@ class LearnerConfig:
     )
 
 
-LEARNERS: dict[str, LearnerConfig] = {"swimmer": LearnerConfig()}
+# Toppling forward moves x faster than walking does at first, and practice puts the body back on its feet. So a body that can
+# fall is paid for every step that it stands, five standard deviations of the reward, and looks 200 steps ahead. λ begins near 0
+# and motors stop meanwhile, for σ would vanish before it can walk (docs/learner.md).
+STEPS = 8_000  # in an iteration of a body that can fall, whatever its horizon
+FALLING = replace(
+    LearnerConfig(),
+    iterations=600,
+    candidates=1,
+    stops=True,
+    restart=True,
+    fall_cost=0.0,
+    alive_bonus=5.0,
+    reward_spread=0.03,
+    multiplier_init=0.02,
+    ppo=replace(LearnerConfig().ppo, discount=0.995),
+)
 
 
-def learner_config(env: str, *, constrained: bool = True) -> LearnerConfig:
-    """Return the settings of this robot; without a constraint the seeds practise longer, and keep it mildly at first."""
-    config = LEARNERS.get(env, LearnerConfig())
+def learner_config(env: Env, *, constrained: bool = True) -> LearnerConfig:
+    """Return the settings for this world; without a constraint seeds keep it mildly at first, and swimmers practise longer."""
+    if env.fallen is not None:
+        of_actions = env.limit is not None and env.limit.bounds == "actions"  # what is charged later is no fault of this action
+        return replace(
+            FALLING,
+            num_trajectories=max(1, STEPS // env.horizon),
+            cost_discount=0.0 if of_actions else FALLING.cost_discount,
+            release=0.0 if constrained else 0.3,
+        )
     if constrained:
-        return config
-    return replace(config, iterations=int(2.5 * config.iterations), release=0.3, multiplier_init=1.0, multiplier_rate=0.03)
+        return LearnerConfig()
+    longer = int(2.5 * LearnerConfig().iterations)
+    return replace(LearnerConfig(), iterations=longer, release=0.3, multiplier_init=1.0, multiplier_rate=0.03)

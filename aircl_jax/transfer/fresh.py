@@ -10,7 +10,16 @@ import numpy as np
 from jax.sharding import PartitionSpec
 from jaxtyping import PRNGKeyArray
 
-from aircl_jax.algorithm.learners.scale_free import TRUE, Learner, LearnerState, Objective, Task, bound, make_learner
+from aircl_jax.algorithm.learners.scale_free import (
+    TRUE,
+    Learner,
+    LearnerState,
+    Motors,
+    Objective,
+    Task,
+    bound,
+    make_learner,
+)
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.model.networks import Networks
 from aircl_jax.runs.seeds import SEED, seed_keys, spread
@@ -38,13 +47,14 @@ def train_fresh(
     objective: Objective = TRUE,
     *,
     constrained: bool = True,
+    motors: Motors | None = None,
 ) -> Fresh:
     """Train `candidates` policies a seed for the `trial`, then the one with the greatest return of its own to the end.
 
-    What `objective` holds, if anything, has a leading seed axis: what each seed's policy is paid by.
+    What `objective` holds, if anything, has a leading seed axis: what each seed's policy is paid by. So have `motors`.
     """
     learner = make_learner(env, config)
-    tasks = Task(objective, jnp.full(len(seeds), float(constrained)))
+    tasks = Task(objective, jnp.full(len(seeds), float(constrained)), motors)
     count = config.candidates
     trial = max(1, int(config.trial * config.iterations)) if count > 1 else 0
     crowd = [seed + CANDIDATE * k for seed in seeds for k in range(count)]

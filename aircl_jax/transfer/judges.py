@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Shaped
 
+from aircl_jax.algorithm.learners.scale_free import Motors
 from aircl_jax.analysis.recovered_limits import STEPS, demonstrated_steps, mean_delta, recovered_limits
 from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
 from aircl_jax.model.modules import AdditiveNet
@@ -84,6 +85,22 @@ def action_limits(result: Result, index: int) -> ActionLimits | None:
         high[motor] = min(upper if math.isfinite(upper) else high[motor], found.greatest[place])
     low, high = np.where(low <= space.low, -np.inf, low), np.where(high >= space.high, np.inf, high)
     return ActionLimits(low, high) if np.isfinite([low, high]).any() else None
+
+
+def learned_motors(result: Result, number: int) -> Motors | None:
+    """Return where motors stop while fresh policies practise, [S, A]: at the limits that the learned seeds drew, and no other.
+
+    Fresh seed i has those of learned seed i, and again from the first where there are fewer. None where no limit is drawn.
+    """
+    found = recovered_limits(result)
+    if found is None:
+        return None
+    places = [found.names.index(name) for name in result.spec.env.motor_names if name in found.names]
+    lower, upper = (np.where(np.isfinite(side), side, end) for side, end in ((found.lower, -np.inf), (found.upper, np.inf)))
+    if not places or not np.isfinite([lower[:, places], upper[:, places]]).any():
+        return None
+    seeds = np.arange(number) % len(lower)
+    return jnp.asarray(lower[seeds][:, places], jnp.float32), jnp.asarray(upper[seeds][:, places], jnp.float32)
 
 
 def outermost(result: Result, index: int) -> ActionLimits:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from aircl_jax.algorithm.learners.scale_free import bound
+from aircl_jax.algorithm.learners.scale_free import Motors, bound, true_motors
 from aircl_jax.algorithm.masks import mean_over_steps
 from aircl_jax.model.distributions import categorical
 from aircl_jax.runs.result import Result
@@ -17,6 +17,7 @@ from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from aircl_jax.transfer import objectives
 from aircl_jax.transfer.fresh import Fresh, episodes, train_fresh
 from aircl_jax.transfer.grid import grid_options, named_grid, swap_table
+from aircl_jax.transfer.judges import learned_motors
 from aircl_jax.transfer.objectives import OfStep, Part
 from aircl_jax.types import Trajectory
 from envs import Box, Env, make_env
@@ -88,9 +89,17 @@ def swap(
         if bound_by == NONE
         else _part(bound_by, objectives.world_cost, lambda: objectives.learned_cost(result, seeds))
     )
-    settings = config or learner_config(world.name if world.registered else "", constrained=constraint != NONE)
+    settings = config or learner_config(world, constrained=constraint != NONE)
+    motors = None
+    if settings.stops and not callable(bound_by):
+        motors = true_motors(world, seeds) if bound_by is not None else learned_motors(result, seeds)
     return recombine(
-        world, objectives.objective(paid, cost), range(first_seed, first_seed + seeds), settings, constraint != NONE
+        world,
+        objectives.objective(paid, cost),
+        range(first_seed, first_seed + seeds),
+        settings,
+        constraint != NONE,
+        None if bound_by == NONE else motors,
     )
 
 
@@ -100,10 +109,10 @@ def recombine(
     seeds: range,
     config: LearnerConfig,
     constrained: bool = True,
-    practice: Env | None = None,
+    motors: Motors | None = None,
 ) -> SwapResult:
     """Train fresh policies on an objective and measure them in the world that it was made for."""
-    fresh = train_fresh(practice or world, seeds, config, objective, constrained=constrained)
+    fresh = train_fresh(world, seeds, config, objective, constrained=constrained, motors=motors)
     drawn = episodes(fresh, world, EPISODES, jax.random.key(EPISODE_SEED))
     return SwapResult(world, fresh, tuple(seeds), measure(drawn))
 

@@ -40,7 +40,20 @@ def restarting(env: Env, fall_cost: float) -> Env:
         shown = jax.tree.map(pick, again, lasting)
         return (jax.tree.map(pick, risen, moved), ended), shown
 
-    return replace(env, reset=reset, step=step)
+    return replace(env, reset=reset, step=step, fallen=None)
+
+
+def ending(env: Env) -> Env:
+    """End the world where its body has fallen, whatever its own option says; where nothing can fall it stays as it is."""
+    fallen = env.fallen
+    if fallen is None:
+        return env
+
+    def step(key: PRNGKeyArray, state: Any, action: Array) -> tuple[Any, Step]:
+        state, result = env.step(key, state, action)
+        return state, result._replace(terminated=jnp.maximum(result.terminated, fallen(state).astype(jnp.float32)))
+
+    return replace(env, step=step)
 
 
 def bounded(env: Env, low: Float[Array, " O"], high: Float[Array, " O"]) -> Env:

@@ -20,7 +20,7 @@ from envs.robots.constraints import find_rule
 from envs.robots.factors import AS_SHIPPED, BodyOptions, change
 from envs.robots.planar.dynamics import planar_physics
 from envs.robots.rewards import rewarded
-from envs.robots.tasks import ROBOTS, RobotState, sized
+from envs.robots.tasks import ROBOTS, RobotState, always, sized
 from envs.views import Coordinates
 
 SLIDE = 2  # `mujoco.mjtJoint.mjJNT_SLIDE`; every other joint of these bodies turns
@@ -108,6 +108,7 @@ def _make(name: str, options: RobotOptions) -> Env:
         shipped_demonstrations=_shipped(name, options) if rule.is_default else None,
         view=_view(model, hidden),
         limit=_observed(rule.limit, hidden),
+        fallen=None if task.healthy is always else lambda state: ~task.healthy(state),
     )
 
 

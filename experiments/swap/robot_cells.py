@@ -12,12 +12,14 @@ import numpy as np
 from jaxtyping import Array
 
 from aircl_jax import make_env, train
+from aircl_jax.algorithm.learners.scale_free import Motors, true_motors
 from aircl_jax.messages import say
 from aircl_jax.model.networks import BoundNetworks, make_networks
 from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import learner_config
 from aircl_jax.transfer import objectives
 from aircl_jax.transfer.fresh import Fresh
+from aircl_jax.transfer.judges import learned_motors
 from aircl_jax.transfer.swap import SwapResult, measure, recombine
 from envs import Env
 from experiments.shared.commits import current_commit
@@ -88,15 +90,15 @@ def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:
         return {"metrics": measure(played(world, uniform(world), study.oracle_seeds))}
     if row.endswith(AS_IS):
         return {"metrics": _as_it_is(_trained(study, env, row.removesuffix(AS_IS)), world)}
-    config = learner_config(env, constrained=test.constrained)
+    config = learner_config(world, constrained=test.constrained)
     if study.iterations:
         config = replace(config, iterations=study.iterations)
     number = study.oracle_seeds if row == ORACLE else study.seeds_of(row)
     reward, cost = _parts(study, env, row, test, number, world)
-    practice = make_env(env, **test.settings, terminate=True) if config.restart else None
+    motors = _motors(study, env, row, test, number, world) if config.stops else None
     first = FIRST_SEED if test.constrained else FIRST_FREE_SEED
     seeds = range(first, first + number)
-    swapped = recombine(world, objectives.objective(reward, cost), seeds, config, test.constrained, practice)
+    swapped = recombine(world, objectives.objective(reward, cost), seeds, config, test.constrained, motors)
     return {"seeds": list(seeds), "metrics": swapped.metrics, "curve": _curve(swapped)}
 
 
@@ -119,6 +121,12 @@ def _parts(study: Study, env: str, row: str, test: Test, number: int, world: Any
         tests_steps = result.networks.method.tests_steps
         cost = objectives.learned_cost(result, number) if tests_steps else objectives.no_cost()
     return reward, cost
+
+
+def _motors(study: Study, env: str, row: str, test: Test, number: int, world: Env) -> Motors | None:
+    """Where motors stop in practice: by the world's own limit, or by what the row has learned."""
+    known = row in (ORACLE, RANDOM) or test.constraint == "world"
+    return true_motors(world, number) if known else learned_motors(_trained(study, env, row), number)
 
 
 def _trained(study: Study, env: str, method: str) -> Result:

@@ -94,7 +94,7 @@ def demonstrate(env: str, control: Control, path: Path) -> None:
     world = make_env(env, action_cost=control.action_cost)
     if not isinstance(world.action_space, Box):
         raise TypeError(f"env={env} has no box of actions")
-    config = learner_config(env, constrained=control.constrained)
+    config = learner_config(world, constrained=control.constrained)
     objective = objectives.objective(objectives.world_reward(), objectives.world_cost())
     expert = recombine(world, objective, range(FIRST_EXPERT, FIRST_EXPERT + 1), config, control.constrained)
     if not isinstance(expert.made, Fresh):

@@ -5,9 +5,11 @@ from dataclasses import asdict, replace
 import jax.numpy as jnp
 import pytest
 
-from aircl_jax.experts.config import EXPERTS, FALLING, RULE, expert_config, read_config
+from aircl_jax.algorithm.learners.scale_free import true_motors
+from aircl_jax.experts.config import EXPERTS, RULE, expert_config, read_config
 from aircl_jax.experts.selection import free_episodes
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
+from aircl_jax.settings.learner_config import learner_config
 from envs import make_env
 from tests.worlds import random_trajectories, tiny_grid
 
@@ -24,9 +26,12 @@ from tests.worlds import random_trajectories, tiny_grid
 def test_a_task_without_a_row_has_motors_that_stop_at_its_torque_limit_and_early_ends_if_it_can_fall(
     name, settings, falls, motor_limit
 ):
-    found = expert_config(make_env(name, **settings), settings["constraint"])
-    assert asdict(found) == {**asdict(FALLING if falls else RULE), "motor_limit": motor_limit}
-    assert found.restart is falls
+    world = make_env(name, **settings)
+    found = expert_config(world, settings["constraint"])
+    assert found == (learner_config(world) if falls else RULE)
+    assert found.restart is falls and found.stops
+    motors = true_motors(world)
+    assert (0.0 if motors is None else float(motors[1][0])) == pytest.approx(motor_limit)
 
 
 def test_a_task_with_a_row_keeps_it_and_either_kind_of_settings_is_read_back():

@@ -123,19 +123,19 @@ def test_a_run_without_that_part_is_refused(asked):
         swap(untrained_robot("airl_centred"))
 
 
-def test_policies_practise_in_one_world_and_are_judged_in_the_other(monkeypatch):
-    world, practice = one_state_env(lambda t, action: 0.0 * t), one_state_env(lambda t, action: 0.0 * t)
+def test_policies_are_trained_and_judged_in_the_world_with_motors_that_stop(monkeypatch):
+    world, motors = one_state_env(lambda t, action: 0.0 * t), (-jnp.ones((2, 1)), jnp.ones((2, 1)))
     seen = {}
 
-    def trained(env, *given, constrained):
-        seen.update(trained=env, held=constrained)
+    def trained(env, *given, constrained, motors):
+        seen.update(trained=env, held=constrained, motors=motors)
         return FRESH
 
     monkeypatch.setattr(swaps, "train_fresh", trained)
     drawn = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), random_episodes(WORLD, 0, 3))
     monkeypatch.setattr(swaps, "episodes", lambda fresh, env, number, key: seen.update(judged=env, number=number) or drawn)
-    found = recombine(world, swaps.objectives.world_reward(), range(5, 7), LearnerConfig(), False, practice)
-    assert seen["trained"] is practice and seen["judged"] is world and seen["held"] is False
+    found = recombine(world, swaps.objectives.world_reward(), range(5, 7), LearnerConfig(), False, motors)
+    assert seen["trained"] is world and seen["judged"] is world and seen["held"] is False and seen["motors"] is motors
     assert (found.seeds, seen["number"]) == ((5, 6), EPISODES)
     assert found.world is world and found.made is FRESH and found.metrics == measure(drawn)
 

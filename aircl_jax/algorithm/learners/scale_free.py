@@ -23,11 +23,14 @@ from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, Params, Thresholds, Trajectory
 from envs import Env
-from envs.robots.practice_worlds import restarting, weakened
+from envs.robots.practice_worlds import ending, restarting, weakened
 
 _NETWORKS = Method(reward="true", discriminator_of="none", feasibility="none", terms=())
 
 Objective = Callable[[Trajectory], tuple[Float[Array, " T"], Float[Array, " T"]]]  # what each step is paid, and its cost
+
+
+Motors = tuple[Float[Array, "*S A"], Float[Array, "*S A"]]
 
 
 class Task(NamedTuple):
@@ -35,6 +38,7 @@ class Task(NamedTuple):
 
     objective: Objective  # a `jax.tree_util.Partial`: what it holds may differ from seed to seed
     constrained: Float[Array, ""]  # 1, or 0: the cost does not count after `release`
+    motors: Motors | None = None  # where motors stop in practice while the cost counts
 
 
 class Spread(NamedTuple):
@@ -73,6 +77,14 @@ def true_objective(trajectory: Trajectory) -> tuple[Float[Array, " T"], Float[Ar
 TRUE = Partial(true_objective)
 
 
+def true_motors(env: Env, *lead: int) -> Motors | None:
+    """Where motors stop by the world's own limit of its actions; None where it has none. `lead` are the axes before."""
+    if env.limit is None or env.limit.bounds != "actions":
+        return None
+    end = jnp.full((*lead, env.action_space.feature_size), float(env.limit.value))
+    return -end, end
+
+
 def make_learner(env: Env, config: LearnerConfig) -> Learner:
     """Make the learner's two functions: max_π E Σ (r − β log π) subject to E Σ c ≤ d, with r and c by the task.
 
@@ -83,10 +95,11 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
     nets = make_networks(env, _NETWORKS, TrainConfig(hidden=config.hidden, ppo=config.ppo))
     optimiser = make_optimiser(config, env.horizon)
 
-    def practised(held: Bool[Array, ""]) -> Env:
-        limit = jnp.where(held, config.motor_limit, jnp.inf)
-        motors = weakened(env, -limit, limit) if config.motor_limit else env
-        return restarting(motors, fall_cost=0.0) if config.restart else motors
+    def practised(motors: Motors | None, held: Bool[Array, ""]) -> Env:
+        world = ending(env) if config.restart else env
+        if motors is not None:
+            world = weakened(world, jnp.where(held, motors[0], -jnp.inf), jnp.where(held, motors[1], jnp.inf))
+        return restarting(world, fall_cost=0.0) if config.restart else world
 
     def init(key: PRNGKeyArray) -> LearnerState:
         key, key_reward, key_cost, key_world = jax.random.split(key, 4)
@@ -99,7 +112,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
             jnp.asarray(config.multiplier_init, jnp.float32),
             Moments(zero, zeros, zeros),
             Spread(zero, zero),
-            jax.vmap(practised(jnp.ones((), bool)).reset)(jax.random.split(key_world, config.num_trajectories)),
+            jax.vmap(practised(None, jnp.ones((), bool)).reset)(jax.random.split(key_world, config.num_trajectories)),
             key,
             zero.astype(jnp.int32),
         )
@@ -108,7 +121,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
         key, key_rollout, key_update = jax.random.split(state.key, 3)
         acting = bound(nets, state)
         held = (task.constrained > 0) | (state.step < config.release * config.iterations)
-        trajectories, ends = practise(acting, state.ends, state.step > 0, key_rollout, practised(held), config)
+        trajectories, ends = practise(acting, state.ends, state.step > 0, key_rollout, practised(task.motors, held), config)
         reward, cost = jax.vmap(task.objective)(trajectories)
         cost = jnp.maximum(cost, config.fall_cost * falls(trajectories.mask))
         multiplier = jnp.where(held, state.multiplier, 0.0)
@@ -133,6 +146,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
             "return": (reward * trajectories.mask).sum(axis=1).mean(),
             "cost": violations,
             "multiplier": multiplier,
+            "strays": falls(trajectories.mask).sum(axis=1).mean(),
             "std": jnp.exp(trained.policy["params"]["log_std"]).mean(),
         }
 

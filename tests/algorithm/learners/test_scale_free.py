@@ -19,9 +19,10 @@ from aircl_jax.algorithm.learners.scale_free import (
     practise,
 )
 from aircl_jax.algorithm.learners.scale_free_update import Trained, make_batch, make_optimiser, num_minibatches
-from aircl_jax.settings.learner_config import LEARNERS, LearnerConfig, learner_config
+from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from aircl_jax.settings.train_config import PPOConfig
-from envs import Box, Step
+from envs import Box, Step, make_env
+from envs.robots.practice_worlds import ending
 from tests.algorithm.learners.test_lagrangian import limited_world
 from tests.worlds import one_state_env
 
@@ -198,8 +199,53 @@ def test_a_world_that_ends_at_its_horizon_is_refused():
         make_learner(limited_world(), CONFIG)
 
 
-def test_every_robot_has_one_setting_and_longer_practice_without_a_constraint():
-    for name in LEARNERS:
-        bound_by, free = learner_config(name), learner_config(name, constrained=False)
-        assert free.iterations == 2.5 * bound_by.iterations
-        assert free.release == 0.3 and bound_by.release == 0.0
+def test_motors_stop_at_each_seeds_own_limits_while_the_cost_counts_and_asking_for_more_costs():
+    learner = make_learner(counting_world(), CONFIG)
+    state = jax.jit(learner.init)(jax.random.key(3))
+    low, high = jnp.asarray([-0.01]), jnp.asarray([0.02])
+    returns = {}
+    for constrained in (1.0, 0.0):
+        metrics = jax.jit(learner.step)(state, Task(TRUE, jnp.asarray(constrained), (low, high)))[1]
+        returns[constrained] = float(metrics["return"])
+        asked = float(jax.jit(learner.step)(state, Task(TRUE, jnp.asarray(constrained)))[1]["cost"])
+        assert (metrics["cost"] > asked) == (constrained > 0)  # nearly every draw is beyond them; above .5 in any case
+    assert -0.01 * 4 <= returns[1.0] <= 0.02 * 4
+    assert not -0.01 * 4 <= returns[0.0] <= 0.02 * 4
+
+
+def test_a_body_that_falls_gets_up_within_the_rollout():
+    world = replace(counting_world(horizon=7), fallen=lambda state: state >= 3)
+    learner = make_learner(world, replace(CONFIG, restart=True, continued=0.0))
+    state = jax.jit(learner.init)(jax.random.key(3))
+    assert float(jax.jit(learner.step)(state, task())[1]["strays"]) == 1.0  # down after 3 steps, up after 4
+    still = make_learner(counting_world(horizon=7), replace(CONFIG, restart=True, continued=0.0))
+    assert float(jax.jit(still.step)(still.init(jax.random.key(3)), task())[1]["strays"]) == 0.0
+
+
+def test_robots_share_one_setting_and_those_that_can_fall_another():
+    swimmer, walker, pendulum = (make_env(name) for name in ("swimmer", "walker", "pendulum"))
+    assert learner_config(swimmer) == learner_config(make_env("halfcheetah")) == LearnerConfig()
+    assert learner_config(walker) == learner_config(make_env("hopper"))
+    of_states = learner_config(pendulum)
+    assert (of_states.cost_discount, learner_config(walker).cost_discount) == (0.99, 0.0)
+    assert of_states.num_trajectories * pendulum.horizon == learner_config(walker).num_trajectories * walker.horizon
+    for world, longer in ((swimmer, 2.5), (walker, 1.0)):
+        held, free = learner_config(world), learner_config(world, constrained=False)
+        assert (free.iterations, free.release, held.release) == (longer * held.iterations, 0.3, 0.0)
+
+
+@pytest.mark.parametrize("name", ["walker", "hopper", "pendulum"])
+def test_a_body_has_fallen_where_its_own_early_end_would_stop_it(name):
+    world, with_end = make_env(name), make_env(name, terminate=True)
+    state, _ = world.reset(jax.random.key(0))
+    ended = []
+    for key in jax.random.split(jax.random.key(1), 60):
+        push = jnp.full(world.action_space.size, world.action_space.high)
+        later, result = jax.jit(with_end.step)(key, state, push)
+        again, ours = jax.jit(ending(world).step)(key, state, push)
+        assert float(result.terminated) == float(ours.terminated)
+        np.testing.assert_array_equal(jax.tree.leaves(later)[0], jax.tree.leaves(again)[0])
+        ended.append(float(result.terminated))
+        state = later
+    assert set(ended) == {0.0, 1.0}
+    assert make_env("swimmer").fallen is None
