@@ -1,11 +1,11 @@
 """The swap test: freeze what was learned, recombine it, plan or train anew: `python -m experiments.swap`.
 
 Settings, as NAME=VALUE: run_dir (a run to test by itself, with the oracle beside it; its cells go to RUN_swap), or worlds
-(gridworld, swimmer, pendulum, walker; comma lists, or all) and rows (oracle, uniform, random, names of methods, and "NAME as it is" for a learned
-policy without further training; comma lists, or all; on the swimmer aircl_contrast has its controls too); seeds (of every row
-but the oracle; the contrast rows have at least ten), oracle_seeds, iterations (of training; 0: each one's own), out and runs
-(folders), train (false: only write from the cells that are there). A finished cell is skipped; what
-was cut continues with the next call.
+(gridworld, swimmer, pendulum, walker; comma lists, or all) and rows (oracle, uniform, random, names of methods, and "NAME as it
+is" for a learned policy without further training; comma lists, or all; on the swimmer aircl_contrast has its controls too);
+seeds (of every row but the oracle; the contrast rows have at least ten), oracle_seeds, iterations (of training; 0: each one's
+own), out and runs (folders), train (false: only write from the cells that are there). A finished cell is skipped; what was cut
+continues with the next call.
 """
 
 import shlex

@@ -228,6 +228,7 @@ def test_robots_share_one_setting_and_those_that_can_fall_another():
     assert learner_config(walker) == learner_config(make_env("hopper"))
     of_states = learner_config(pendulum)
     assert (of_states.cost_discount, learner_config(walker).cost_discount) == (0.99, 0.0)
+    assert (of_states.cost_budget, learner_config(walker).cost_budget) == (1.0, 0.01)
     assert of_states.num_trajectories * pendulum.horizon == learner_config(walker).num_trajectories * walker.horizon
     for world, longer in ((swimmer, 2.5), (walker, 1.0)):
         held, free = learner_config(world), learner_config(world, constrained=False)
@@ -239,10 +240,11 @@ def test_a_body_has_fallen_where_its_own_early_end_would_stop_it(name):
     world, with_end = make_env(name), make_env(name, terminate=True)
     state, _ = world.reset(jax.random.key(0))
     ended = []
-    for key in jax.random.split(jax.random.key(1), 60):
-        push = jnp.full(world.action_space.size, world.action_space.high)
-        later, result = jax.jit(with_end.step)(key, state, push)
-        again, ours = jax.jit(ending(world).step)(key, state, push)
+    with_its, with_ours = jax.jit(with_end.step), jax.jit(ending(world).step)
+    for key in jax.random.split(jax.random.key(1), 150):
+        push = world.action_space.high * jax.random.uniform(key, world.action_space.shape, minval=-1.0)
+        later, result = with_its(key, state, push)
+        again, ours = with_ours(key, state, push)
         assert float(result.terminated) == float(ours.terminated)
         np.testing.assert_array_equal(jax.tree.leaves(later)[0], jax.tree.leaves(again)[0])
         ended.append(float(result.terminated))
