@@ -31,7 +31,8 @@ def asked(monkeypatch):
     """What a call would have trained, in place of training it; worlds are made as settings alone."""
     seen = SimpleNamespace(made=[])
 
-    def recombined(world, objective, seeds, config, constrained):
+    def recombined(world, objective, seeds, config, constrained, motors):
+        seen.motors = motors
         seen.world, seen.seeds, seen.config, seen.constrained = world, list(seeds), config, constrained
         seen.objective = [np.asarray(part) for part in objective_of(objective, 0)]
         return SwapResult(world, FRESH, tuple(seeds), {})
@@ -114,6 +115,42 @@ def test_what_does_not_fit_is_refused_in_one_line(asked, given, said):
     with pytest.raises(ValueError, match=said) as error:
         swap(RESULT, **given)
     assert "\n" not in str(error.value)
+
+
+def with_limits(lower, upper):
+    """A contrast run of two seeds whose feasibility has these limits, in half-widths."""
+    run = untrained_robot("aircl_contrast")
+    ends = {"lower": jnp.asarray(lower), "upper": jnp.asarray(upper)}
+    params = run.states.params._replace(feasibility={"step": {"params": ends}})
+    return replace(run, states=run.states._replace(params=params))
+
+
+DRAWN = with_limits([[-100.0, -0.5], [-0.25, -100.0]], [[0.5, 100.0], [100.0, 100.0]])
+
+
+def test_motors_of_a_fresh_seed_stop_at_the_limits_that_its_learned_seed_has_drawn_and_nowhere_else():
+    lower, upper = swaps.learned_motors(DRAWN, 3)
+    np.testing.assert_allclose(lower, [[-np.inf, -0.5], [-0.25, -np.inf], [-np.inf, -0.5]])
+    np.testing.assert_allclose(upper, [[0.5, np.inf], [np.inf, np.inf], [0.5, np.inf]])
+    assert swaps.learned_motors(with_limits(np.full((2, 2), -100.0), np.full((2, 2), 100.0)), 3) is None
+    assert swaps.learned_motors(untrained_robot("bc"), 3) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "ends"),
+    [
+        ({}, [-0.25, np.inf]),
+        ({"constraint": "none"}, [-0.25, np.inf]),
+        ({"constraint": "world"}, [-0.5, 0.5]),
+        ({"constraint": lambda obs, action: action[0] > 0}, None),
+    ],
+)
+def test_motors_stop_where_the_constraint_that_counts_says_so_if_the_learner_has_such_motors(asked, given, ends):
+    swap(DRAWN, seeds=2, config=LearnerConfig(stops=True), **given)
+    found = None if asked.motors is None else [float(asked.motors[0][1, 0]), float(asked.motors[1][1, 0])]
+    assert found == (None if ends is None else pytest.approx(ends))
+    swap(DRAWN, seeds=2, config=LearnerConfig(), **given)
+    assert asked.motors is None
 
 
 def test_a_run_without_that_part_is_refused(asked):
