@@ -60,7 +60,8 @@ EXPERTS: dict[str, LagrangianConfig] = {
 
 # Every other task: the learner of the swap tests; its settings for bodies that can fall where this one can, and for others
 # these. With its multiplier of 10 at the start σ vanishes before the body can run, so λ begins near 0; where actions are bound,
-# motors stop at the limit meanwhile (docs/experts.md). The seeds are its candidates.
+# motors stop at the limit meanwhile (docs/experts.md). Draws are demonstrated as they are, so λ is not bounded as in swaps. The
+# seeds are its candidates.
 RULE = replace(LearnerConfig(), iterations=320, candidates=1, stops=True, multiplier_init=0.1, multiplier_rate=0.03)
 GROUP = 20  # episodes of each group of a reference set, where no other number is asked for
 Config = LagrangianConfig | LearnerConfig
@@ -76,7 +77,7 @@ def expert_config(env: Env, constraint: str) -> Config:
     name = f"{env.name}_{constraint}"
     if name in EXPERTS:
         return EXPERTS[name]
-    return RULE if env.fallen is None else learner_config(env)
+    return RULE if env.fallen is None else replace(learner_config(env), multiplier_max=RULE.multiplier_max)
 
 
 def read_config(values: Mapping[str, Any]) -> Config:

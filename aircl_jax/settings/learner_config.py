@@ -31,7 +31,7 @@ class LearnerConfig:
     strays_bootstrap: bool = False  # whether V of where such a step leads counts, as at a time limit; else nothing follows it
     restart: bool = False  # a body that falls gets up within the rollout, which costs a step; judged at the fixed horizon
     fall_cost: float = 1.0  # cost of a fall in practice
-    stops: bool = False  # practise with motors that stop at the limits of actions while these count; asking for more costs
+    stops: bool = False  # motors stop at the limits of actions, and for good where these count; asking for more costs
     ppo: PPOConfig = field(
         default_factory=lambda: PPOConfig(
             learning_rate=3e-3,
@@ -73,7 +73,7 @@ def learner_config(env: Env, *, constrained: bool = True) -> LearnerConfig:
     if env.fallen is not None:
         config = replace(FALLING, num_trajectories=max(1, STEPS // env.horizon), release=0.0 if constrained else 0.3)
         if env.limit is not None and env.limit.bounds == "actions":
-            return replace(config, cost_discount=0.0)  # what is charged later is no fault of this action
+            return replace(config, cost_discount=0.0, multiplier_max=1.0)  # charged later, it is no fault of this action
         budget = NOISY_SHARE * env.horizon
         return replace(
             config, iterations=800, cost_budget=budget, multiplier_init=0.1, multiplier_rate=0.05, multiplier_max=15.0

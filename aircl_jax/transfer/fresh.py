@@ -21,11 +21,11 @@ from aircl_jax.algorithm.learners.scale_free import (
     make_learner,
 )
 from aircl_jax.algorithm.rollout import rollouts
-from aircl_jax.model.networks import Networks
+from aircl_jax.model.networks import BoundNetworks, Networks
 from aircl_jax.runs.seeds import SEED, seed_keys, spread
 from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.types import Metrics, Trajectory
-from envs import Env
+from envs import Box, Env
 
 CANDIDATE = 100_000  # candidate k of seed s has the key of seed s + k · CANDIDATE
 COMPARED = 10  # iterations at the end of the trial, over which candidates are compared
@@ -37,6 +37,7 @@ class Fresh(NamedTuple):
 
     nets: Networks
     states: LearnerState
+    motors: Motors | None  # [S, A], to which a constrained policy's draws are clipped for good; None: to nothing
     history: dict[str, np.ndarray]
 
 
@@ -69,18 +70,27 @@ def train_fresh(
         history = {name: values[:, best] for name, values in early.items()}
     states, late = _train(learner, states, tasks, config.iterations - trial)
     history = {name: np.concatenate([history[name], values]) if history else values for name, values in late.items()}
-    return Fresh(learner.nets, states, history)
+    return Fresh(learner.nets, states, motors if constrained else None, history)
+
+
+def acting(fresh: Fresh, state: LearnerState, motors: Motors | None) -> BoundNetworks:
+    """Bind one seed's policy as it is judged: what it draws is clipped where its motors stopped in practice."""
+    nets, space = bound(fresh.nets, state), fresh.nets.env.action_space
+    if motors is None or not isinstance(space, Box):
+        return nets
+    ends = {side: space.in_half_widths(end) for side, end in zip(("lower", "upper"), motors, strict=True)}
+    return nets.with_params(policy={"params": {**state.trained.policy["params"], **ends}})
 
 
 def episodes(fresh: Fresh, env: Env, number: int, key: PRNGKeyArray) -> Trajectory:
     """Draw `number` episodes of each seed's policy in a world, [S, N, T, …]; all seeds have the same keys."""
 
-    def of_seed(state: LearnerState) -> Trajectory:
-        acting = bound(fresh.nets, state)
-        batches = jax.lax.map(lambda key: rollouts(acting, key, BATCH, env), jax.random.split(key, -(-number // BATCH)))
+    def of_seed(state: LearnerState, motors: Motors | None) -> Trajectory:
+        nets = acting(fresh, state, motors)
+        batches = jax.lax.map(lambda key: rollouts(nets, key, BATCH, env), jax.random.split(key, -(-number // BATCH)))
         return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:number], batches)
 
-    return _over(len(fresh.states.step), jax.vmap(of_seed), SEED)(fresh.states)
+    return _over(len(fresh.states.step), jax.vmap(of_seed), SEED)(fresh.states, fresh.motors)
 
 
 def _train(learner: Learner, states: LearnerState, tasks: Task, length: int) -> tuple[LearnerState, dict[str, np.ndarray]]:

@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from aircl_jax.algorithm.learners.scale_free import Motors, bound, true_motors
+from aircl_jax.algorithm.learners.scale_free import Motors, true_motors
 from aircl_jax.algorithm.masks import mean_over_steps
 from aircl_jax.model.distributions import categorical
 from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from aircl_jax.transfer import objectives
-from aircl_jax.transfer.fresh import Fresh, episodes, train_fresh
+from aircl_jax.transfer.fresh import Fresh, acting, episodes, train_fresh
 from aircl_jax.transfer.grid import grid_options, named_grid, swap_table
 from aircl_jax.transfer.judges import learned_motors
 from aircl_jax.transfer.objectives import OfStep, Part
@@ -39,8 +39,8 @@ class SwapResult:
     def policy(self, obs: Float[Array, " O"], t: int = 0, index: int = 0) -> Any:
         """Return the new π(·|s_t) of the seed at this place, a distrax distribution over actions."""
         if isinstance(self.made, Fresh):
-            state = jax.tree.map(lambda leaf: leaf[index], self.made.states)
-            return bound(self.made.nets, state).policy(obs, jnp.asarray(t))
+            state, motors = jax.tree.map(lambda leaf: leaf[index], (self.made.states, self.made.motors))
+            return acting(self.made, state, motors).policy(obs, jnp.asarray(t))
         return categorical(jnp.asarray(obs) @ jnp.asarray(self.made[index, t], jnp.float32))
 
 

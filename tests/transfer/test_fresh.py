@@ -9,7 +9,7 @@ import numpy as np
 from jax.tree_util import Partial
 
 from aircl_jax.transfer import fresh as fresh_policies
-from aircl_jax.transfer.fresh import BATCH, CANDIDATE, Fresh, episodes, train_fresh
+from aircl_jax.transfer.fresh import BATCH, CANDIDATE, Fresh, acting, episodes, train_fresh
 from tests.algorithm.learners.test_scale_free import CONFIG, counting_world
 from tests.worlds import poisoned
 
@@ -88,3 +88,22 @@ def test_episodes_are_of_every_seeds_policy_with_the_same_keys_in_the_world_aske
     np.testing.assert_allclose(drawn.reward, np.asarray(drawn.action)[..., 0] + 10.0, rtol=1e-6)
     assert len(np.unique(drawn.action[0, :, 0])) == number  # no episode is drawn twice
     assert not np.allclose(drawn.action[0], drawn.action[1])
+
+
+def test_a_constrained_policy_draws_nothing_beyond_its_own_seeds_motors_and_a_free_one_whatever_it_likes():
+    low, high = jnp.asarray([[-0.01], [0.2], [-1.0]]), jnp.asarray([[0.01], [0.3], [1.0]])
+    for constrained in (True, False):
+        fresh = train_fresh(
+            counting_world(),
+            SEEDS,
+            replace(SETTINGS, candidates=1, iterations=1),
+            signed(SIGNS),
+            constrained=constrained,
+            motors=(low, high),
+        )
+        drawn = episodes(fresh, counting_world(), 8, jax.random.key(3)).action[..., 0]  # [S, N, T]
+        within = (drawn >= low[:, :, None]) & (drawn <= high[:, :, None])
+        assert bool(within.all()) is constrained
+        state, motors = jax.tree.map(lambda leaf: leaf[1], (fresh.states, fresh.motors))
+        mean = float(acting(fresh, state, motors).policy(jnp.zeros(1), jnp.asarray(0)).sample(seed=jax.random.key(0))[0])
+        assert (0.199 <= mean <= 0.301) or not constrained

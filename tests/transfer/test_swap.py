@@ -23,7 +23,7 @@ WORLD = RESULT.spec.env
 EPISODE = jax.tree.map(lambda leaf: leaf[0], random_episodes(WORLD, 3, 1))
 
 NOTHING: Any = None
-FRESH = Fresh(RESULT.networks, NOTHING, {})
+FRESH = Fresh(RESULT.networks, NOTHING, None, {})
 
 
 @pytest.fixture

@@ -62,7 +62,7 @@ def test_the_expert_is_paid_the_true_reward_less_its_taste_and_lapses_at_random(
 
     def recombined(world, objective, seeds, config, constrained):
         asked.update(cost=world.step(KEY, world.reset(KEY)[0], jnp.full(2, 0.5))[1].reward, constrained=constrained)
-        return SimpleNamespace(made=Fresh(cast(Any, None), cast(Any, {"step": jnp.zeros(1)}), {}))
+        return SimpleNamespace(made=Fresh(cast(Any, None), cast(Any, {"step": jnp.zeros(1)}), None, {}))
 
     still = SimpleNamespace(policy=lambda obs, t: SimpleNamespace(sample=lambda seed: jnp.full(2, 0.25)))
     monkeypatch.setattr(robot_controls, "recombine", recombined)

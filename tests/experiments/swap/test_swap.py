@@ -182,7 +182,7 @@ def swapped_by(monkeypatch, tmp_path, row, test, iterations=0):
     def recombined(world, objective, seeds, config, constrained, practice):
         seen.update(world=world, seeds=list(seeds), config=config, constrained=constrained, practice=practice)
         history = {"return": np.arange(82.0).reshape(41, 2), "cost": np.zeros((41, 2))}
-        return SimpleNamespace(metrics={"return": [1.0, 2.0]}, made=Fresh(cast(Any, None), cast(Any, None), history))
+        return SimpleNamespace(metrics={"return": [1.0, 2.0]}, made=Fresh(cast(Any, None), cast(Any, None), None, history))
 
     monkeypatch.setattr(robot_cells, "recombine", recombined)
     monkeypatch.setattr(robot_cells, "_trained", lambda study, env, method: RESULT)
