@@ -30,7 +30,6 @@ class LearnerConfig:
     most_strays: float = 1e9  # in practice: where a rollout starts anew more often, λ falls
     strays_bootstrap: bool = False  # whether V of where such a step leads counts, as at a time limit; else nothing follows it
     restart: bool = False  # a body that falls gets up within the rollout, which costs a step; judged at the fixed horizon
-    fall_cost: float = 1.0  # cost of a fall in practice
     stops: bool = False  # motors stop at the limits of actions, and for good where these count; asking for more costs
     ppo: PPOConfig = field(
         default_factory=lambda: PPOConfig(
@@ -55,7 +54,6 @@ FALLING = replace(
     candidates=1,
     stops=True,
     restart=True,
-    fall_cost=0.0,
     alive_bonus=5.0,
     reward_spread=0.03,
     multiplier_init=0.02,
@@ -75,9 +73,8 @@ def learner_config(env: Env, *, constrained: bool = True) -> LearnerConfig:
         if env.limit is not None and env.limit.bounds == "actions":
             return replace(config, cost_discount=0.0, multiplier_max=1.0)  # charged later, it is no fault of this action
         budget = NOISY_SHARE * env.horizon
-        return replace(
-            config, iterations=800, cost_budget=budget, multiplier_init=0.1, multiplier_rate=0.05, multiplier_max=15.0
-        )
+        slack = {"cost_budget": budget, "multiplier_init": 0.1, "multiplier_rate": 0.05, "multiplier_max": 15.0}
+        return replace(config, iterations=800, stops=False, **slack)
     if constrained:
         return LearnerConfig()
     longer = int(2.5 * LearnerConfig().iterations)

@@ -88,7 +88,7 @@ def action_limits(result: Result, index: int) -> ActionLimits | None:
 
 
 def learned_motors(result: Result, number: int) -> Motors | None:
-    """Return where motors stop while fresh policies practise, [S, A]: at the limits that the learned seeds drew, and no other.
+    """Return where the motors of fresh policies stop, [S, A]: at the limits that the learned seeds drew, and at no other.
 
     Fresh seed i has those of learned seed i, and again from the first where there are fewer. None where no limit is drawn.
     """

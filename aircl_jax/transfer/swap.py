@@ -1,7 +1,7 @@
 """Recombine what was learned, and train anew: the test that a reward and a constraint are separately right."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -90,17 +90,11 @@ def swap(
         else _part(bound_by, objectives.world_cost, lambda: objectives.learned_cost(result, seeds))
     )
     settings = config or learner_config(world, constrained=constraint != NONE)
-    motors = None
-    if settings.stops and not callable(bound_by):
-        motors = true_motors(world, seeds) if bound_by is not None else learned_motors(result, seeds)
-    return recombine(
-        world,
-        objectives.objective(paid, cost),
-        range(first_seed, first_seed + seeds),
-        settings,
-        constraint != NONE,
-        None if bound_by == NONE else motors,
-    )
+    motors = learned_motors(result, seeds) if bound_by is None else None
+    if isinstance(bound_by, str) and bound_by != NONE:
+        motors = true_motors(world, seeds)
+    chosen = range(first_seed, first_seed + seeds)
+    return recombine(world, objectives.objective(paid, cost), chosen, settings, constraint != NONE, motors)
 
 
 def recombine(
@@ -111,7 +105,14 @@ def recombine(
     constrained: bool = True,
     motors: Motors | None = None,
 ) -> SwapResult:
-    """Train fresh policies on an objective and measure them in the world that it was made for."""
+    """Train fresh policies on an objective and measure them in the world that it was made for.
+
+    `motors` are where theirs stop, if the settings have such motors. Where nothing stops, asking for more has to cost.
+    """
+    if not config.stops:
+        motors = None
+    elif motors is None:
+        config = replace(config, multiplier_max=LearnerConfig().multiplier_max)
     fresh = train_fresh(world, seeds, config, objective, constrained=constrained, motors=motors)
     drawn = episodes(fresh, world, EPISODES, jax.random.key(EPISODE_SEED))
     return SwapResult(world, fresh, tuple(seeds), measure(drawn))

@@ -96,7 +96,7 @@ def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:
         config = replace(config, iterations=study.iterations)
     number = study.oracle_seeds if row == ORACLE else study.seeds_of(row)
     reward, cost = _parts(study, env, row, test, number, world)
-    motors = _motors(study, env, row, test, number, world) if config.stops else None
+    motors = _motors(study, env, row, test, number, world)
     first = FIRST_SEED_OF.get(env, FIRST_SEED) if test.constrained else FIRST_FREE_SEED
     seeds = range(first, first + number)
     swapped = recombine(world, objectives.objective(reward, cost), seeds, config, test.constrained, motors)

@@ -23,6 +23,7 @@ WORLD = RESULT.spec.env
 EPISODE = jax.tree.map(lambda leaf: leaf[0], random_episodes(WORLD, 3, 1))
 
 NOTHING: Any = None
+STOPPING = LearnerConfig(stops=True, multiplier_max=1.0)
 FRESH = Fresh(RESULT.networks, NOTHING, None, {})
 
 
@@ -129,7 +130,9 @@ DRAWN = with_limits([[-100.0, -0.5], [-0.25, -100.0]], [[0.5, 100.0], [100.0, 10
 
 
 def test_motors_of_a_fresh_seed_stop_at_the_limits_that_its_learned_seed_has_drawn_and_nowhere_else():
-    lower, upper = swaps.learned_motors(DRAWN, 3)
+    found = swaps.learned_motors(DRAWN, 3)
+    assert found is not None
+    lower, upper = found
     np.testing.assert_allclose(lower, [[-np.inf, -0.5], [-0.25, -np.inf], [-np.inf, -0.5]])
     np.testing.assert_allclose(upper, [[0.5, np.inf], [np.inf, np.inf], [0.5, np.inf]])
     assert swaps.learned_motors(with_limits(np.full((2, 2), -100.0), np.full((2, 2), 100.0)), 3) is None
@@ -145,12 +148,10 @@ def test_motors_of_a_fresh_seed_stop_at_the_limits_that_its_learned_seed_has_dra
         ({"constraint": lambda obs, action: action[0] > 0}, None),
     ],
 )
-def test_motors_stop_where_the_constraint_that_counts_says_so_if_the_learner_has_such_motors(asked, given, ends):
-    swap(DRAWN, seeds=2, config=LearnerConfig(stops=True), **given)
+def test_motors_stop_where_the_constraint_that_counts_says_so(asked, given, ends):
+    swap(DRAWN, seeds=2, **given)
     found = None if asked.motors is None else [float(asked.motors[0][1, 0]), float(asked.motors[1][1, 0])]
     assert found == (None if ends is None else pytest.approx(ends))
-    swap(DRAWN, seeds=2, config=LearnerConfig(), **given)
-    assert asked.motors is None
 
 
 def test_a_run_without_that_part_is_refused(asked):
@@ -160,21 +161,26 @@ def test_a_run_without_that_part_is_refused(asked):
         swap(untrained_robot("airl_centred"))
 
 
-def test_policies_are_trained_and_judged_in_the_world_with_motors_that_stop(monkeypatch):
+def test_policies_are_trained_and_judged_in_the_world_with_motors_that_stop_if_the_settings_have_such(monkeypatch):
     world, motors = one_state_env(lambda t, action: 0.0 * t), (-jnp.ones((2, 1)), jnp.ones((2, 1)))
     seen = {}
 
     def trained(env, *given, constrained, motors):
-        seen.update(trained=env, held=constrained, motors=motors)
+        seen.update(trained=env, held=constrained, motors=motors, config=given[1])
         return FRESH
 
     monkeypatch.setattr(swaps, "train_fresh", trained)
     drawn = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), random_episodes(WORLD, 0, 3))
     monkeypatch.setattr(swaps, "episodes", lambda fresh, env, number, key: seen.update(judged=env, number=number) or drawn)
-    found = recombine(world, swaps.objectives.world_reward(), range(5, 7), LearnerConfig(), False, motors)
+    found = recombine(world, swaps.objectives.world_reward(), range(5, 7), STOPPING, False, motors)
     assert seen["trained"] is world and seen["judged"] is world and seen["held"] is False and seen["motors"] is motors
     assert (found.seeds, seen["number"]) == ((5, 6), EPISODES)
     assert found.world is world and found.made is FRESH and found.metrics == measure(drawn)
+    assert seen["config"] is STOPPING
+    recombine(world, swaps.objectives.world_reward(), range(5, 7), LearnerConfig(), True, motors)
+    assert seen["motors"] is None
+    recombine(world, swaps.objectives.world_reward(), range(5, 7), STOPPING, True)  # then only λ keeps the constraint
+    assert seen["config"] == replace(STOPPING, multiplier_max=1000.0)
 
 
 def test_measures_of_episodes_by_hand():

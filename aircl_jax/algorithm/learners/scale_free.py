@@ -28,9 +28,7 @@ from envs.robots.practice_worlds import ending, restarting, weakened
 _NETWORKS = Method(reward="true", discriminator_of="none", feasibility="none", terms=())
 
 Objective = Callable[[Trajectory], tuple[Float[Array, " T"], Float[Array, " T"]]]  # what each step is paid, and its cost
-
-
-Motors = tuple[Float[Array, "*S A"], Float[Array, "*S A"]]
+Motors = tuple[Float[Array, "*S A"], Float[Array, "*S A"]]  # the least and the greatest that motors do
 
 
 class Task(NamedTuple):
@@ -123,7 +121,6 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
         held = (task.constrained > 0) | (state.step < config.release * config.iterations)
         trajectories, ends = practise(acting, state.ends, state.step > 0, key_rollout, practised(task.motors, held), config)
         reward, cost = jax.vmap(task.objective)(trajectories)
-        cost = jnp.maximum(cost, config.fall_cost * falls(trajectories.mask))
         multiplier = jnp.where(held, state.multiplier, 0.0)
         paid, spread = normalised(reward - config.temperature * trajectories.log_prob, trajectories.mask, state.spread, config)
         batch = make_batch(acting, state.trained.cost_value, trajectories, ends[1], paid, cost, multiplier, config)
