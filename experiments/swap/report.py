@@ -56,8 +56,8 @@ CONTROLLED = f"""`{PLANNED}` on the default layout, ten fresh seeds: more demons
 temperatures a step, in place of the obstacles), and demonstrators that lapse (a share of their actions is uniformly random,
 into obstacles too). The other contrast row learns the same."""
 ROBOTS = """Violations, after the score, are shares of timesteps. `S1` is the lift: 0 is the return under the constraint, 1 that
-of r alone; its violations are a multiple of those of r alone. Fresh policies have seeds 9000 and on, those without a
-constraint 9300 and on; a learned seed serves one fresh seed."""
+of r alone; its violations are a multiple of those of r alone. Fresh policies have seeds 9000 and on (the
+walker's 9500), those without a constraint 9300 and on; a learned seed serves one fresh seed."""
 
 
 LIMITED = """Demonstrations of experts by the learner of the swap tests, on the true reward. A limit is listed with its mean
