@@ -58,6 +58,14 @@ def measured(name: str, engine: str, integrator: str) -> tuple[str, ...]:
 
 def speed(name: str, engine: str, integrator: str) -> tuple[float, float, float]:
     """Measure environment steps per second under random actions, best and median of the repeats, and seconds to compile."""
+    per_second, compiling = speeds(name, engine, integrator)
+    return max(per_second), sorted(per_second)[REPEATS // 2], compiling
+
+
+def speeds(
+    name: str, engine: str, integrator: str, envs: int = ENVS_AT_ONCE, steps: int = STEPS, repeats: int = REPEATS
+) -> tuple[list[float], float]:
+    """Measure environment steps per second under random actions, of each repeat, and seconds to compile."""
     import jax
 
     from envs import make_env
@@ -72,16 +80,14 @@ def speed(name: str, engine: str, integrator: str) -> tuple[float, float, float]
             state, step = env.step(key, state, action)
             return state, step.reward
 
-        return jax.lax.scan(one, env.reset(key_reset)[0], jax.random.split(key_steps, STEPS))[1].sum()
+        return jax.lax.scan(one, env.reset(key_reset)[0], jax.random.split(key_steps, steps))[1].sum()
 
     mesh = jax.make_mesh((len(jax.devices()),), ("env",), axis_types=(jax.sharding.AxisType.Auto,))
     spec = jax.sharding.PartitionSpec("env")
     run = jax.jit(jax.shard_map(jax.vmap(episode), mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False))
-    keys = jax.random.split(jax.random.key(0), ENVS_AT_ONCE)
+    keys = jax.random.split(jax.random.key(0), envs)
     compiling = _seconds(partial(run, keys))
-    seconds = sorted(_seconds(partial(run, keys)) for _ in range(REPEATS))
-    work = ENVS_AT_ONCE * STEPS
-    return work / seconds[0], work / seconds[REPEATS // 2], compiling
+    return [envs * steps / _seconds(partial(run, keys)) for _ in range(repeats)], compiling
 
 
 def _seconds(run: Any) -> float:

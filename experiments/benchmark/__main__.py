@@ -1,261 +1,43 @@
-"""Measure the speed on this machine: steps per second, start-up, memory, and the time of each part of an iteration.
+"""Measure the speed on this machine: `python -m experiments.benchmark env=gridworld`; `peer=true` compares with imitation.
 
-`python -m experiments.benchmark env=gridworld`. Settings, as NAME=VALUE:
-env         environment
+The first prints steps per second, start-up, memory, and the time of each part of an iteration. `peer=true` measures ten
+seeds of aircl_contrast, ten of aircl_corrected, and as many processes of the library imitation (AIRL, in its own Python:
+`make .venv-peer/.installed`) as there are cores, on gridworld, swimmer, pendulum and walker. It keeps each world in
+results/speed/ and writes results/speed.md; the next call skips kept worlds. Settings, as NAME=VALUE:
+
+env         environment; with peer=true a comma list, by default all four
 method      method
 seeds       number of seeds
 chunk       iterations that are timed; 0 takes the method's own
 epochs      epochs of PPO; 0 takes the method's own
 integrator  integrator of the robots
-peer        true also times the AIRL of the library imitation on a robot, in its own Python (`make .venv-peer/.installed`)
+peer        true compares; it has env, seeds and the settings below
+scale       full, or smoke: a minute a world, which tests the machinery, in runs/speed_smoke
+out         folder of the kept worlds; the page is beside it
 """
 
-import json
-import os
-import subprocess
+import shlex
 import sys
-import tempfile
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from statistics import median
-from typing import Any, Literal
+from collections.abc import Sequence
 
-from aircl_jax.messages import say
+from experiments.benchmark.settings import Settings
 from experiments.cli.command import run_command
-from experiments.shared.memory import most_memory
-
-REPEATS = 5  # repeats of each timing; the median is printed
-GYMNASIUMS = ("Swimmer-v4", "Walker2d-v4", "HalfCheetah-v4", "Hopper-v4", "InvertedPendulum-v4")
-PEERS: dict[str, str] = dict(zip(("swimmer", "walker", "halfcheetah", "hopper", "pendulum"), GYMNASIUMS, strict=True))
-PEER_PYTHON = Path(".venv-peer/bin/python")
-CHUNKS = 2  # chunks of a timed run; the first one compiles and is left out
-
-
-@dataclass(frozen=True)
-class Settings:
-    env: str = "gridworld"
-    method: str = "aircl_corrected"
-    seeds: int = 10
-    chunk: int = 0
-    epochs: int = 0
-    integrator: Literal["euler", "rk4"] = "euler"
-    peer: bool = False
-
-    @property
-    def env_settings(self) -> dict[str, Any]:
-        return {"integrator": self.integrator} if self.env in PEERS else {}
-
-    @property
-    def training(self) -> dict[str, Any]:
-        own = {"checkpoint_every": self.chunk} if self.chunk else {}
-        return own | ({"ppo": {"num_epochs": self.epochs}} if self.epochs else {})
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    return run_command(report, argv, Settings(), __doc__)
+    return run_command(run, argv, Settings(), __doc__, then="with peer=true the same command continues")
 
 
-def report(settings: Settings, _: Sequence[str]) -> None:
-    """Measure and print the report."""
-    rows = measure(settings)
-    import jax
-
-    say(f"{settings.env}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
-    for name, value in rows.items():
-        say(f"  {name:<58} {value}")
-
-
-def measure(settings: Settings) -> dict[str, str]:
-    """Measure each line of the report and return {line: value as text}."""
-    if settings.peer and settings.env not in PEERS:
-        raise ValueError(f"peer=true: env={settings.env} is no world of Gymnasium's; choose from {', '.join(PEERS)}")
-    if settings.peer and not PEER_PYTHON.exists():
-        raise ValueError(f"peer=true: {PEER_PYTHON} is missing; make it with: make .venv-peer/.installed")
-    if settings.integrator != "euler" and settings.env not in PEERS:
-        raise ValueError(f"integrator={settings.integrator}: env={settings.env} has none; choose from {', '.join(PEERS)}")
-    rows, fastest = {}, 0.0
-    for seeds in dict.fromkeys((settings.seeds, 1)):
-        steps, compiling = throughput(settings, seeds)
-        fastest = max(fastest, steps)
-        rows[f"whole training, {seeds} seed(s), env steps/s"] = f"{steps:,.0f}"
-        rows[f"  tracing and compiling, {seeds} seed(s), s"] = f"{compiling:.1f}"
-    memory = peak_memory()
-    rows |= parts(settings)
+def run(settings: Settings, words: Sequence[str]) -> None:
+    """Print the report of one environment, or compare."""
     if settings.peer:
-        theirs = peer(settings)
-        rows["AIRL of imitation, one seed, env steps/s"] = f"{theirs:,.0f}"
-        rows["  ours is faster by"] = f"{fastest / theirs:.1f}"
-    rows["second start until the first iteration is on disk, s"] = f"{second_start(settings):.1f}"
-    rows["peak memory of this process after both trainings, GiB"] = memory
-    return rows
+        from experiments.benchmark import comparison
 
+        comparison.make(settings, shlex.join(["python", "-m", "experiments.benchmark", *words]))
+    else:
+        from experiments.benchmark import one_env
 
-def peak_memory() -> str:
-    """Return the most memory that this process held, in GiB; unknown on systems that do not say."""
-    most = most_memory()
-    return f"{most / 2**30:.2f}" if most else "unknown"
-
-
-def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
-    """Run with checkpoints and metrics; return `env_steps_per_s` and `compile_s` of the summary."""
-    from aircl_jax import train
-    from aircl_jax.methods import get_method
-    from aircl_jax.settings.env_defaults import default_config
-
-    chunk = settings.chunk or default_config(settings.env, get_method(settings.method).settings).checkpoint_every
-    with tempfile.TemporaryDirectory() as place:
-        result = train(
-            settings.env,
-            settings.method,
-            seeds=seeds,
-            iterations=CHUNKS * chunk,
-            run_dir=Path(place) / "run",
-            env_settings=settings.env_settings,
-            config=settings.training,
-        )
-    return result.summary["env_steps_per_s"], result.summary["compile_s"]
-
-
-def parts(settings: Settings) -> dict[str, str]:
-    """Time one iteration's parts in milliseconds, for one seed on one device, each compiled alone.
-
-    The ratios divide the whole step's time by a part's.
-    """
-    import jax
-
-    from aircl_jax.algorithm import adversary
-    from aircl_jax.algorithm.learners import ppo
-    from aircl_jax.algorithm.policy_reward import policy_reward
-    from aircl_jax.algorithm.rollout import rollouts
-    from aircl_jax.algorithm.terms.logits import Batches
-    from aircl_jax.algorithm.trainer import make_trainer
-    from aircl_jax.demonstrations.sources import demonstrations
-    from aircl_jax.methods import get_method
-    from aircl_jax.settings.env_defaults import default_config
-    from envs import make_env
-    from envs.settings import updated
-
-    env, method = make_env(settings.env, **settings.env_settings), get_method(settings.method)
-    config = updated(default_config(settings.env, method.settings), settings.training)
-    trainer = make_trainer(env, method, config)
-    expert = jax.tree.map(lambda leaf: leaf[0], demonstrations(env, [0], config)[0])
-    state = jax.jit(trainer.init)(jax.random.key(0), expert)
-    nets, number = trainer.networks.bind(state.params, state.obs_stats), config.num_trajectories * config.pool_factor
-
-    policy, rolling = _timed(lambda key: rollouts(nets, key, number), state.key)
-    head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
-    (reward, bonus), relabelling = _timed(lambda batch: policy_reward(nets, expert, batch), policy)
-    _, discriminating = _timed(
-        lambda batch: adversary.update(
-            nets, state.adversary_opt, Batches(expert, batch, state.replay, state.replay), state.key
-        ),
-        head,
-    )
-    _, acting = _timed(lambda batch: ppo.update(nets, state.ppo_opt, batch, reward, bonus, state.key, config.ppo), policy)
-    _, whole = _timed(trainer.step, state, expert)
-    actions = policy.action.swapaxes(0, 1)
-    _, bare = _timed(partial(physics, env), state.key, actions)
-    times = {
-        "bare physics": bare,
-        "rollout": rolling,
-        "relabelling": relabelling,
-        "adversary": discriminating,
-        "PPO": acting,
-        "whole step": whole,
-    }
-    ratios = {"bare physics": whole / bare, "rollout": whole / rolling}
-    if settings.env in PEERS:
-        by_mjx = make_env(settings.env, **settings.env_settings, engine="mjx")
-        _, tenth = _timed(partial(physics, by_mjx), state.key, actions[: len(actions) // 10])
-        times["a tenth of the steps by engine mjx"] = tenth
-        ratios["bare physics by engine mjx"] = whole / (10 * tenth)
-    rows = {f"one seed, one device: {name}, ms": f"{1e3 * seconds:.1f}" for name, seconds in times.items()}
-    return rows | {f"one seed, one device: whole step / {name}": f"{ratio:.2f}" for name, ratio in ratios.items()}
-
-
-def physics(env: Any, key: Any, actions: Any) -> Any:
-    """Step each environment through `actions`, [T, N, A], from a reset on, and return the rewards, [T, N]."""
-    import jax
-
-    keys = jax.random.split(key, actions.shape[1])
-
-    def one_step(states: Any, now: Any) -> Any:
-        states, result = jax.vmap(env.step)(keys, states, now)
-        return states, result.reward
-
-    return jax.lax.scan(one_step, jax.vmap(env.reset)(keys)[0], actions)[1]
-
-
-def peer(settings: Settings) -> float:
-    """Measure the environment steps per second of imitation's AIRL on the same body, demonstrations and sizes; one seed."""
-    from importlib.resources import files
-
-    from aircl_jax.methods import get_method
-    from aircl_jax.settings.env_defaults import default_config
-    from envs import make_env
-
-    config = default_config(settings.env, get_method(settings.method).settings)
-    env = make_env(settings.env)
-    words = {
-        "env": PEERS[settings.env],
-        "demonstrations": str(files("envs") / "demonstrations" / f"{env.shipped_demonstrations}.npz"),
-        "horizon": env.horizon,
-        "trajectories": config.num_trajectories,
-        "hidden": config.hidden,
-        "epochs": settings.epochs or config.ppo.num_epochs,
-        "minibatch": config.ppo.minibatch_size,
-        "judged": config.adversary.minibatch_size,
-        "steps": config.adversary.num_steps,
-    }
-    script = Path(__file__).with_name("peer_airl.py")
-    done = subprocess.run([PEER_PYTHON, script, json.dumps(words)], capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise ValueError(f"peer=true: {script.name} failed: {done.stderr.strip().splitlines()[-1]}")
-    return float(done.stdout.splitlines()[-1])
-
-
-def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:
-    import jax
-
-    compiled = jax.jit(function)
-    result = jax.block_until_ready(compiled(*inputs))
-    seconds = []
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        jax.block_until_ready(compiled(*inputs))
-        seconds.append(time.perf_counter() - start)
-    return result, median(seconds)
-
-
-def second_start(settings: Settings) -> float:
-    """Measure the seconds from the command to its first iteration's metrics on disk, with a warm compilation cache."""
-    seconds = 0.0
-    for _ in range(2):
-        with tempfile.TemporaryDirectory() as place:
-            metrics = Path(place) / "run" / "metrics.jsonl"
-            words = [
-                f"env={settings.env}",
-                f"method={settings.method}",
-                f"seeds={settings.seeds}",
-                "iterations=1",
-                "train.checkpoint_every=1",
-            ]
-            command = [sys.executable, "-m", "experiments.run", *words, f"run_dir={metrics.parent}"]
-            start = time.perf_counter()
-            with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
-                while process.poll() is None and not (metrics.exists() and _has_line(metrics)):
-                    time.sleep(0.05)
-                seconds = time.perf_counter() - start
-                process.kill()
-    return seconds
-
-
-def _has_line(path: Path) -> bool:
-    text = path.read_text(encoding="utf-8")
-    return text.endswith("\n") and bool(json.loads(text.splitlines()[0]))
+        one_env.report(settings)
 
 
 if __name__ == "__main__":

@@ -11,27 +11,23 @@ import pytest
 import aircl_jax
 from aircl_jax.settings import env_defaults
 from experiments import pendulum_lqr, physics
-from experiments.benchmark import __main__ as benchmark
+from experiments.benchmark import one_env as benchmark
 from tests.worlds import TINY, random_trajectories, tiny_grid
 
 
 def test_a_benchmark_has_each_measure_under_its_name(monkeypatch):
-    speeds = {10: (20_000.0, 12.3), 1: (4_000.0, 45.6)}  # the faster is what the peer is compared with
+    speeds = {10: (20_000.0, 12.3), 1: (4_000.0, 45.6)}
     monkeypatch.setattr(benchmark, "throughput", lambda settings, seeds: speeds[seeds])
     monkeypatch.setattr(benchmark, "parts", lambda settings: {"a part": "1"})
-    monkeypatch.setattr(benchmark, "PEER_PYTHON", benchmark.Path(benchmark.__file__))
-    monkeypatch.setattr(benchmark, "peer", lambda settings: 5_000.0)
     monkeypatch.setattr(benchmark, "second_start", lambda settings: 7.25)
     usage = SimpleNamespace(RUSAGE_SELF=0, getrusage=lambda who: SimpleNamespace(ru_maxrss=3 * 2**20))  # kB
     monkeypatch.setitem(sys.modules, "resource", usage)
-    assert benchmark.measure(benchmark.Settings(env="swimmer", peer=True)) == {
+    assert benchmark.measure(benchmark.Settings(env="swimmer")) == {
         "whole training, 10 seed(s), env steps/s": "20,000",
         "  tracing and compiling, 10 seed(s), s": "12.3",
         "whole training, 1 seed(s), env steps/s": "4,000",
         "  tracing and compiling, 1 seed(s), s": "45.6",
         "a part": "1",
-        "AIRL of imitation, one seed, env steps/s": "5,000",
-        "  ours is faster by": "4.0",
         "second start until the first iteration is on disk, s": "7.2",
         "peak memory of this process after both trainings, GiB": "3.00",
     }
