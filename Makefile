@@ -52,7 +52,7 @@ lock: $(INSTALLED)  # needs uv; resolves pyproject.toml anew
 
 .venv-peer/.installed:  # the library that `python -m experiments.benchmark peer=true` is compared with
 	$(PYTHON) -m venv .venv-peer
-	.venv-peer/bin/python -m pip install --quiet "imitation==1.0.1" "gymnasium[mujoco]" "mujoco==2.3.7" "numpy<2"
+	.venv-peer/bin/python -m pip install --quiet "imitation==1.0.1" "stable-baselines3==2.2.1" "gymnasium[mujoco]==0.29.1" "mujoco==2.3.7" "numpy<2"
 	touch $@
 
 .venv-docs/.installed: docs/requirements.lock $(INSTALLED)

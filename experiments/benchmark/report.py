@@ -16,6 +16,7 @@ from experiments.benchmark.arithmetic import (
     their_minutes,
     their_speed,
 )
+from experiments.benchmark.settings import EFFORTS
 
 Cells = Mapping[str, Mapping[str, Any]]  # by world
 
@@ -42,7 +43,10 @@ HOW_SPEEDS = (
     HOW_EQUAL,
     "Demonstrations, network sizes and horizon are always the same.",
 )
-HOW_PHYSICS = "Environment steps per second, Euler, the same bodies and solver settings, random actions, all cores."
+HOW_PHYSICS = (
+    "Environment steps per second, Euler, the same bodies and solver settings, random actions, all cores,"
+    f" {EFFORTS['full'].physics[0]} bodies at once."
+)
 SMOKE = "**A test of the machinery (scale=smoke): these numbers say nothing.**"
 MINUTES = (
     *("world", "row", "ours, min", "return and violations of ours"),

@@ -80,4 +80,4 @@ class Effort:
     physics: tuple[int, int]  # environments and control steps of bare physics
 
 
-EFFORTS = {"full": Effort(5, 160_000, 45.0, 10, (50, 100)), "smoke": Effort(2, 1, 0.0, 10, (4, 5))}
+EFFORTS = {"full": Effort(5, 160_000, 45.0, 10, (500, 40)), "smoke": Effort(2, 1, 0.0, 10, (4, 5))}
