@@ -9,7 +9,7 @@ from aircl_jax.algorithm.learners.scale_free import true_motors
 from aircl_jax.experts.config import EXPERTS, RULE, expert_config, read_config
 from aircl_jax.experts.selection import free_episodes
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
-from aircl_jax.settings.learner_config import learner_config
+from aircl_jax.settings.learner_config import LearnerConfig, learner_config
 from envs import make_env
 from tests.worlds import random_trajectories, tiny_grid
 
@@ -29,7 +29,7 @@ def test_a_task_without_a_row_has_motors_that_stop_at_its_torque_limit_and_early
     world = make_env(name, **settings)
     found = expert_config(world, settings["constraint"])
     assert found == (replace(learner_config(world), multiplier_max=1000.0) if falls else RULE)
-    assert found.restart is falls and found.stops
+    assert isinstance(found, LearnerConfig) and found.restart is falls and found.stops
     motors = true_motors(world)
     assert (0.0 if motors is None else float(motors[1][0])) == pytest.approx(motor_limit)
 
