@@ -43,7 +43,7 @@ def asked(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["worlds=moon"], "unknown worlds 'moon'; choose from gridworld, swimmer, or all"),
+        (["worlds=moon"], "unknown worlds 'moon'; choose from gridworld, swimmer, pendulum, walker, or all"),
         (["rows=best"], "unknown rows 'best'; choose from oracle"),
         (["seeds=two"], "seeds=two is not an integer"),
         (["iterations=5"], "results/swap has whole runs; choose out=DIR"),
@@ -179,8 +179,8 @@ def swapped_by(monkeypatch, tmp_path, row, test, iterations=0):
     """What a cell would train, and the cell."""
     seen = {}
 
-    def recombined(world, objective, seeds, config, constrained, practice):
-        seen.update(world=world, seeds=list(seeds), config=config, constrained=constrained, practice=practice)
+    def recombined(world, objective, seeds, config, constrained, motors):
+        seen.update(world=world, seeds=list(seeds), config=config, constrained=constrained, motors=motors)
         history = {"return": np.arange(82.0).reshape(41, 2), "cost": np.zeros((41, 2))}
         return SimpleNamespace(metrics={"return": [1.0, 2.0]}, made=Fresh(cast(Any, None), cast(Any, None), None, history))
 
@@ -191,7 +191,8 @@ def swapped_by(monkeypatch, tmp_path, row, test, iterations=0):
 
 def test_a_cell_says_what_it_is_of_and_is_read_the_second_time(monkeypatch, tmp_path):
     seen, cell = swapped_by(monkeypatch, tmp_path, "aircl_corrected", NAMED["S3"])
-    assert (seen["seeds"], seen["constrained"], seen["practice"]) == ([9000, 9001], True, None)
+    assert (seen["seeds"], seen["constrained"]) == ([9000, 9001], True)
+    np.testing.assert_allclose(seen["motors"][1], np.full((2, 2), 0.3), rtol=1e-6)
     assert seen["world"].limit.value == 0.3
     assert (cell["env"], cell["row"], cell["test"]) == ("swimmer", "aircl_corrected", "S3")
     assert cell["metrics"] == {"return": [1.0, 2.0]}
