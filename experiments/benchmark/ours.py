@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from experiments.shared.fresh_seeds import first_seed_of
@@ -53,7 +54,10 @@ def spec_of(world: str, method: str, seeds: int, training: Mapping[str, Any]) ->
 
 
 def measured(words: Mapping[str, Any]) -> dict[str, Any]:
-    """Time iterations, evaluations and checkpoints; `start_s` is what the first of each takes beyond the later ones."""
+    """Time iterations, evaluations and checkpoints; `start_s` is what the first ones take beyond the later ones.
+
+    A second chunk belongs to the start, for what it is given may be of other types than what the first one is.
+    """
     import jax
 
     from aircl_jax.algorithm.trainer import make_trainer
@@ -86,20 +90,21 @@ def measured(words: Mapping[str, Any]) -> dict[str, Any]:
             iterate()
             evaluate(states)
             save()
+            iterate()
             first = time.time() - words["started"]
             chunk_s, evaluation_s = timed(iterate, repeats), timed(lambda: evaluate(states), repeats)
             checkpoint_s, twin_s = timed(save, repeats), []
             if spec.method.has_twin:
                 states = with_twin(states)
                 twin_s = timed(iterate, repeats + 1)[1:]
-    whole = [sum(parts) for parts in zip(chunk_s, evaluation_s, checkpoint_s, strict=True)]
+    steady = 2 * median(chunk_s) + median(evaluation_s) + median(checkpoint_s)
     return {
         "seeds": list(spec.seeds),
         "iterations": config.iterations,
         "steps_an_iteration": spec.env_steps,
         "checkpoints": -(-config.iterations // config.checkpoint_every),
         "twin_from": config.feasibility_delay if twin_s else 0,
-        "start_s": round(max(0.0, first - sorted(whole)[len(whole) // 2]), 2),
+        "start_s": round(max(0.0, first - steady), 2),
         "iteration_s": [round(seconds / length, 5) for seconds in chunk_s],
         "twin_iteration_s": [round(seconds / length, 5) for seconds in twin_s],
         "evaluation_s": [round(seconds, 4) for seconds in evaluation_s],

@@ -55,7 +55,7 @@ def begin(expert: Trajectory, scale: Scale, pool: Pool) -> Met:
     """Count what the demonstrations of all tasks met, and draw no limit."""
     obs = scale.of(expert.obs).reshape(-1, expert.obs.shape[-1])
     made = pooled(actions_made(obs, expert.mask.ravel()), pool)
-    none, zero = jnp.full(obs.shape[-1], UNLIMITED), jnp.zeros(())
+    none, zero = jnp.full(obs.shape[-1], UNLIMITED, jnp.float32), jnp.zeros(())
     return Met(made, jnp.zeros_like(made.number), zero, -none, none, jnp.zeros((2, obs.shape[-1])), zero)
 
 

@@ -49,6 +49,13 @@ def limits(met):
     return np.asarray(lower), np.asarray(upper)
 
 
+def test_what_was_met_keeps_its_types_so_that_a_step_compiles_once():
+    begun = state_limits.begin(DEMONSTRATED, SCALE, ALONE)
+    assert [jax.typeof(leaf) for leaf in jax.tree.leaves(begun)] == [
+        jax.typeof(leaf) for leaf in jax.tree.leaves(after(DEMONSTRATED, iterations=1))
+    ]
+
+
 def test_the_scale_ends_where_the_practice_world_does():
     np.testing.assert_allclose(SCALE.of(jnp.array([[-3.0, 3.0], [0.0, 1.5]])), [[-1.0, 1.0], [0.0, 0.5]])
     np.testing.assert_allclose(SCALE.of(jnp.array([[-9.0, 9.0]])), [[-1.0, 1.0]])
