@@ -44,10 +44,13 @@ class LearnerConfig:
     )
 
 
+STEPS = 8_000  # in an iteration of a body that can fall, whatever its horizon
+NOISY_SHARE = 0.01  # of the steps that may violate a limit of states: one of actions can always be kept, noise or not
+
+
 # Toppling forward moves x faster than walking does at first, and practice puts the body back on its feet. So a body that can
 # fall is paid for every step that it stands, five standard deviations of the reward, and looks 200 steps ahead. λ begins near 0
 # and motors stop meanwhile, for σ would vanish before it can walk (docs/learner.md).
-STEPS = 8_000  # in an iteration of a body that can fall, whatever its horizon
 FALLING = replace(
     LearnerConfig(),
     iterations=600,
@@ -61,20 +64,21 @@ FALLING = replace(
 )
 
 
-# A limit of actions can be kept in every step, one of states not where the world is noisy. So of states one step in a hundred
-# may violate, and λ rises and falls alike (docs/learner.md).
-NOISY_SHARE = 0.01
-
-
 def learner_config(env: Env, *, constrained: bool = True) -> LearnerConfig:
-    """Return the settings for this world; without a constraint seeds keep it mildly at first, and swimmers practise longer."""
+    """Return this world's settings; without a constraint one is kept at first, and bodies that cannot fall practise longer."""
     if env.fallen is not None:
         config = replace(FALLING, num_trajectories=max(1, STEPS // env.horizon), release=0.0 if constrained else 0.3)
         if env.limit is not None and env.limit.bounds == "actions":
             return replace(config, cost_discount=0.0, multiplier_max=1.0)  # charged later, it is no fault of this action
-        budget = NOISY_SHARE * env.horizon
-        slack = {"cost_budget": budget, "multiplier_init": 0.1, "multiplier_rate": 0.05, "multiplier_max": 15.0}
-        return replace(config, iterations=800, stops=False, **slack)
+        return replace(
+            config,
+            iterations=800,
+            stops=False,
+            cost_budget=NOISY_SHARE * env.horizon,  # so that λ falls as readily as it rises
+            multiplier_init=0.1,
+            multiplier_rate=0.05,
+            multiplier_max=15.0,
+        )
     if constrained:
         return LearnerConfig()
     longer = int(2.5 * LearnerConfig().iterations)

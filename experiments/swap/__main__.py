@@ -18,9 +18,10 @@ from aircl_jax.messages import say
 from envs.settings import at_least
 from experiments.cli.command import run_command
 from experiments.cli.words import listed
+from experiments.swap.robot_tests import TESTS
 
 RESULTS = "results/swap"
-WORLDS = ("gridworld", "swimmer", "pendulum", "walker")
+WORLDS = ("gridworld", *TESTS)
 ROWS = (
     "oracle",
     "uniform",
@@ -84,7 +85,6 @@ def _of_a_run(settings: Settings, command: str) -> None:
     from aircl_jax.reports.summary import SWAP_MEANINGS, statistics
     from aircl_jax.transfer.grid import of_a_grid
     from experiments.swap import report, robot_cells
-    from experiments.swap.robot_tests import TESTS
 
     result = load(settings.run_dir)
     env, method = result.spec.env.name, result.spec.method_name
@@ -119,7 +119,6 @@ def _grids(settings: Settings, rows: Sequence[str]) -> None:
 
 def _robot(settings: Settings, world: str, rows: Sequence[str]) -> None:
     from experiments.swap import robot_cells, robot_controls
-    from experiments.swap.robot_tests import TESTS
 
     study = robot_cells.Study(
         Path(settings.out), Path(settings.runs), settings.oracle_seeds, settings.seeds, settings.iterations
