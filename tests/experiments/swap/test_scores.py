@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.swap import report
+from experiments.swap import figure, report
 from experiments.swap.scores import finished_worlds, grid_score, load, robot_score, rows_of, worst_world
 
 
@@ -97,3 +97,11 @@ def test_the_lifts_violations_are_shown_as_a_multiple():
 def test_without_cells_nothing_is_written(tmp_path):
     assert report.write(tmp_path, "the command") == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_oracle_by_itself_is_drawn_only_where_there_is_nothing_else():
+    alone = {key: cell for key, cell in ROBOT.items() if key[2] in ("oracle", "uniform")}
+    beside = {("walker", *key[1:]): cell for key, cell in alone.items()}
+    order = ("oracle", "uniform", "aircl_corrected")
+    assert list(figure._panels(alone, order)) == ["swimmer"]
+    assert list(figure._panels({**ROBOT, **beside}, order)) == ["swimmer"]
