@@ -27,7 +27,7 @@ COMMANDS = {
     "figure4": "the paper's Figure 4",
     "benchmark": "steps per second on this machine",
     "accelerator": "the same numbers on an accelerator as on the CPU, and how fast",
-    "learner": "the learner of swap tests, from scratch",
+    "learner": "the learner of swap tests, from scratch, and beside Brax's PPO",
     "physics": "speed and deviation of the physics",
     "pendulum_lqr": "what the pendulum's noise allows",
 }

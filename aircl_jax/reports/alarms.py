@@ -88,7 +88,7 @@ def untuned(env: Env) -> list[str]:
     """One sentence where an environment has no settings of its own; none where it has."""
     if has_own_settings(env):
         return []
-    rest = "those of the shipped robots" if env.registered and env.name in GUESTS else "the default of TrainConfig"
+    rest = "those of the shipped robots" if env.registered and env.name in GUESTS else "the same for every such world"
     return [f"env={env.title} runs with untuned settings: what `config` does not name is {rest}."]
 
 

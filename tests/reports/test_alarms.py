@@ -28,6 +28,8 @@ def test_a_world_of_ones_own_takes_no_settings_by_its_name():
     own = replace(make_env("gridworld"), name="walker", registered=False)
     assert untuned(own)[0].startswith("env=walker runs with untuned settings")
     assert config_of(own, "tuned") == TrainConfig()
+    robot = replace(make_env("swimmer"), name="walker", registered=False)
+    assert config_of(robot, "tuned") == config_of(replace(robot, name="point"), "tuned") != TUNED["walker"]
     assert config_of(make_env("gridworld"), "tuned") == TUNED["gridworld"]
 
 

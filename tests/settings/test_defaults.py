@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from aircl_jax.settings.env_defaults import config_of, contrast_of_box
+from aircl_jax.settings.train_config import TrainConfig
 from envs import make_env
 
 
@@ -15,3 +16,12 @@ def test_horizon_and_number_of_actions_are_all_that_the_contrast_row_is_told_of_
     own = replace(env, name="own", registered=False)
     assert config_of(own, "contrast") == config_of(env, "contrast")
     assert config_of(own, "contrast").num_trajectories * env.horizon == 8_000
+
+
+def test_a_box_of_ones_own_has_ten_minibatches_of_whole_episodes_however_short_they_are():
+    robot = make_env("swimmer")
+    for horizon in (30, 500):
+        own = replace(robot, registered=False, horizon=horizon)
+        config = config_of(own, "tuned")
+        assert config.num_trajectories * horizon == 10 * config.ppo.minibatch_size
+        assert config_of(own, "paper") == TrainConfig()

@@ -2,7 +2,8 @@
 
 Settings, as NAME=VALUE: tasks (comma list, or all), unit (the reward is multiplied by it), seeds, first_seed, iterations (0:
 the learner's own), out (a folder). A finished cell is kept as out/TASK_UNIT.json with its commit, and skipped by the next call;
-out.md has the table.
+out.md has the table. beside=brax trains Brax's PPO too, on half-cheetah and hopper with the true reward alone, three seeds: it
+needs the extra `brax`, and keeps its cells in results/learner_brax.
 """
 
 import shlex
@@ -12,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import numpy as np
@@ -28,12 +29,15 @@ from aircl_jax.transfer.fresh import Fresh, episodes
 from aircl_jax.transfer.objectives import Part, objective, world_cost
 from aircl_jax.transfer.swap import EPISODE_SEED, recombine
 from aircl_jax.types import Trajectory
+from envs.settings import at_least
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, listed, refuse_short_runs
+from experiments.learner.beside import Budget, compare
 from experiments.shared.commits import current_commit
 from experiments.shared.kept_files import keep, read_kept
 
 RESULTS = "results/learner"
+BESIDE_RESULTS, BESIDE_SEEDS = "results/learner_brax", 3
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,7 @@ class Settings:
     first_seed: int = 9200  # no seed that a setting was chosen on
     iterations: int = 0
     out: str = RESULTS
+    beside: Literal["", "brax"] = ""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,6 +77,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def learn(settings: Settings, words: Sequence[str]) -> None:
     """Train the cells that are missing, then write the table of all that are there."""
+    if settings.beside:
+        _beside(settings, words)
+        return
     refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
     chosen = listed("task", settings.tasks, tuple(TASKS))
     if settings.unit <= 0:
@@ -82,6 +90,17 @@ def learn(settings: Settings, words: Sequence[str]) -> None:
     written = Path(settings.out).with_suffix(".md")
     written.write_text(table(cells, shlex.join(["python", "-m", "experiments.learner", *words])), encoding="utf-8")
     say(f"wrote {written}")
+
+
+def _beside(settings: Settings, words: Sequence[str]) -> None:
+    """Compare with a known implementation, by fewer seeds. Raises ValueError for shorter runs in the folder of the results."""
+    seeds = BESIDE_SEEDS if settings.seeds == SEEDS else at_least("seeds", settings.seeds, 1)
+    out = Path(BESIDE_RESULTS if settings.out == RESULTS else settings.out)
+    at_least("iterations", settings.iterations, 0)
+    if (seeds != BESIDE_SEEDS or settings.iterations) and out.resolve() == Path(BESIDE_RESULTS).resolve():
+        raise ValueError(f"seeds={seeds} iterations={settings.iterations}: choose out=DIR beside {BESIDE_RESULTS}")
+    budget = Budget(range(settings.first_seed, settings.first_seed + seeds), settings.iterations, out)
+    compare(settings.tasks, budget, words)
 
 
 def _cell(settings: Settings, name: str) -> None:
