@@ -20,6 +20,7 @@ COMMANDS = {
     "herd": "make up a herd as a large table",
     "expert": "train a robot's expert and write demonstrations",
     "recovery": "every method on four grids",
+    "bodies": "one configuration on bodies that no setting was chosen on",
     "sweeps": "how results depend on settings and demonstrations",
     "table1": "the paper's Table 1",
     "figure2": "the paper's Figure 2",

@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PRNGKeyArray
 
+from aircl_jax.algorithm.hoisting import hoisted_scan
 from aircl_jax.model.networks import BoundNetworks
 from aircl_jax.types import Trajectory
-from envs import Env
+from envs import Box, Env
 
 
 def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) -> Trajectory:
@@ -42,8 +43,9 @@ def rollout_from(
             obs, action, log_prob, value, reward, step.cost, mask=alive * step.counts, bootstrap=jnp.zeros(())
         )
 
+    scan = hoisted_scan if isinstance(env.action_space, Box) else jax.lax.scan  # hundreds of short episodes gain nothing
     steps = (jnp.arange(env.horizon), jax.random.split(key, env.horizon))
-    (last_state, last_obs, alive), trajectory = jax.lax.scan(one_step, (*start, jnp.ones(())), steps)
+    (last_state, last_obs, alive), trajectory = scan(one_step, (*start, jnp.ones(())), steps)
     bootstrap = jnp.zeros(()) if env.finite_horizon else alive * nets.value(last_obs, jnp.asarray(env.horizon))
     return trajectory._replace(bootstrap=bootstrap), (last_state, last_obs)
 

@@ -7,22 +7,24 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 from aircl_jax.messages import say
+from experiments.benchmark.parts import MJX, PHYSICS, ROLLOUT, WHOLE, Part, parts_of, world_and_row
+from experiments.benchmark.products import arithmetic, bare_seconds
 from experiments.benchmark.settings import Settings
-from experiments.physics import BODIES
 from experiments.shared.memory import most_memory
 
 REPEATS = 5  # repeats of each timing; the median is printed
+AS_WHOLE = {MJX: "bare physics by engine mjx"}
 CHUNKS = 2  # chunks of a timed run; the first one compiles and is left out
 
 
 def report(settings: Settings) -> None:
-    """Measure and print the report."""
+    """Measure and print the report. Raises ValueError, before anything runs, for a row that it does not know."""
+    world_and_row(settings)
     rows = measure(settings)
     import jax
 
@@ -72,73 +74,38 @@ def throughput(settings: Settings, seeds: int) -> tuple[float, float]:
 
 
 def parts(settings: Settings) -> dict[str, str]:
-    """Time one iteration's parts in milliseconds, for one seed on one device, each compiled alone.
+    """Time one iteration's parts, for one seed on one device, each compiled alone, and what their products need alone.
 
     The ratios divide the whole step's time by a part's.
     """
-    import jax
+    made = parts_of(settings)
+    seconds = {name: _timed(part.run, *part.inputs)[1] for name, part in made.items()}
+    whole = seconds[WHOLE]
+    rows = {f"{name}, ms": f"{1e3 * each:.1f}" for name, each in seconds.items()}
+    compared = {name: seconds[name] * factor for name, factor in ((PHYSICS, 1), (ROLLOUT, 1), (MJX, 10)) if name in seconds}
+    rows |= {f"whole step / {AS_WHOLE.get(name, name)}": f"{whole / each:.2f}" for name, each in compared.items()}
+    inside = {name: part for name, part in made.items() if part.times}
+    rows |= {f"limits of {name}": limit(part, seconds[name], whole) for name, part in inside.items()}
+    between = whole - sum(seconds[name] * part.times for name, part in inside.items() if name != WHOLE)
+    rows["all between the parts, ms"] = f"{1e3 * between:.1f}"
+    return {f"one seed, one device: {name}": value for name, value in rows.items()}
 
-    from aircl_jax.algorithm import adversary
-    from aircl_jax.algorithm.learners import ppo
-    from aircl_jax.algorithm.policy_reward import policy_reward
-    from aircl_jax.algorithm.rollout import rollouts
-    from aircl_jax.algorithm.terms.logits import Batches
-    from aircl_jax.algorithm.trainer import make_trainer
-    from aircl_jax.demonstrations.sources import demonstrations
-    from aircl_jax.methods import get_method
-    from aircl_jax.settings.env_defaults import default_config
-    from envs import make_env
-    from envs.settings import updated
 
-    env, method = make_env(settings.world, **settings.env_settings), get_method(settings.method)
-    config = updated(default_config(settings.world, method.settings), settings.training)
-    trainer = make_trainer(env, method, config)
-    expert = jax.tree.map(lambda leaf: leaf[0], demonstrations(env, [0], config)[0])
-    state = jax.jit(trainer.init)(jax.random.key(0), expert)
-    nets, number = trainer.networks.bind(state.params, state.obs_stats), config.num_trajectories * config.pool_factor
-
-    policy, rolling = _timed(lambda key: rollouts(nets, key, number), state.key)
-    head = jax.tree.map(lambda leaf: leaf[: config.num_trajectories], policy)
-    (reward, bonus), relabelling = _timed(lambda batch: policy_reward(nets, expert, batch), policy)
-    _, discriminating = _timed(
-        lambda batch: adversary.update(
-            nets, state.adversary_opt, Batches(expert, batch, state.replay, state.replay), state.key
-        ),
-        head,
+def limit(part: Part, seconds: float, whole: float) -> str:
+    """Say how much of the step a part takes, its arithmetic, and what share of its time its matrix products need alone."""
+    work = arithmetic(part.run, *part.inputs)
+    products = sum(product.operations * times for product, times in work.products.items())
+    bare = bare_seconds(work.products, _timed)
+    alone = (
+        f"products alone {1e3 * bare:.1f} ms ({bare / seconds:.0%}), {products / bare / 1e9:.1f} GFLOP/s"
+        if bare
+        else "no products"
     )
-    _, acting = _timed(lambda batch: ppo.update(nets, state.ppo_opt, batch, reward, bonus, state.key, config.ppo), policy)
-    _, whole = _timed(trainer.step, state, expert)
-    actions = policy.action.swapaxes(0, 1)
-    _, bare = _timed(partial(physics, env), state.key, actions)
-    times = {
-        "bare physics": bare,
-        "rollout": rolling,
-        "relabelling": relabelling,
-        "adversary": discriminating,
-        "PPO": acting,
-        "whole step": whole,
-    }
-    ratios = {"bare physics": whole / bare, "rollout": whole / rolling}
-    if settings.world in BODIES:
-        by_mjx = make_env(settings.world, **settings.env_settings, engine="mjx")
-        _, tenth = _timed(partial(physics, by_mjx), state.key, actions[: len(actions) // 10])
-        times["a tenth of the steps by engine mjx"] = tenth
-        ratios["bare physics by engine mjx"] = whole / (10 * tenth)
-    rows = {f"one seed, one device: {name}, ms": f"{1e3 * seconds:.1f}" for name, seconds in times.items()}
-    return rows | {f"one seed, one device: whole step / {name}": f"{ratio:.2f}" for name, ratio in ratios.items()}
-
-
-def physics(env: Any, key: Any, actions: Any) -> Any:
-    """Step each environment through `actions`, [T, N, A], from a reset on, and return the rewards, [T, N]."""
-    import jax
-
-    keys = jax.random.split(key, actions.shape[1])
-
-    def one_step(states: Any, now: Any) -> Any:
-        states, result = jax.vmap(env.step)(keys, states, now)
-        return states, result.reward
-
-    return jax.lax.scan(one_step, jax.vmap(env.reset)(keys)[0], actions)[1]
+    times = f"{part.times} × " if part.times > 1 else ""
+    share = f"{times}{seconds / whole:.0%} of the step"
+    return (
+        f"{share}; {products / 1e9:.3f} + {work.others / 1e9:.3f} GFLOP, {work.operations / seconds / 1e9:.1f} GFLOP/s; {alone}"
+    )
 
 
 def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:

@@ -109,6 +109,7 @@ UNDERSTOOD = {
     "experiments.export": parsed_by("experiments.export"),
     "experiments.shield": parsed_by("experiments.shield"),
     "experiments.herd": parsed_by("experiments.herd"),
+    "experiments.bodies": parsed_by("experiments.bodies"),
     "experiments.tasks": parsed_by("experiments.tasks"),
 }
 

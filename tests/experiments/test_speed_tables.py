@@ -1,18 +1,19 @@
 """What `benchmark`, `physics` and `frontier` print: each timing under its own name and in its unit, by made-up timings."""
 
 import sys
-from functools import partial
 from types import SimpleNamespace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import aircl_jax
-from aircl_jax.settings import env_defaults
 from experiments import pendulum_lqr, physics
+from experiments.benchmark import __main__ as command
 from experiments.benchmark import one_env as benchmark
-from tests.worlds import TINY, random_trajectories, tiny_grid
+from experiments.benchmark import products
+from experiments.benchmark.parts import Part, parts_of
 
 
 def test_a_benchmark_has_each_measure_under_its_name(monkeypatch):
@@ -57,28 +58,77 @@ def test_a_timing_is_the_median_of_five_after_the_compilation(monkeypatch):
     assert (int(result), seconds) == (2, 3)
 
 
+def part(times):
+    """A part that multiplies 2 × 3 by 3 × 4 once."""
+    return Part(jnp.matmul, (jnp.ones((2, 3)), jnp.ones((3, 4))), times)
+
+
 def test_the_parts_of_an_iteration_are_in_milliseconds_and_beside_the_whole_step(monkeypatch):
-    policy = random_trajectories(tiny_grid(), 0, TINY.num_trajectories)
-    timed = iter([(policy, 0.002), ((None, None), 0.003), (None, 0.005), (None, 0.007)])
-
-    def by_hand(function, *inputs):
-        if isinstance(function, partial):  # bare physics
-            return None, 0.001
-        return next(timed, (None, 0.02))  # after those above the whole step
-
-    monkeypatch.setattr(env_defaults, "default_config", lambda env, settings: TINY)
-    monkeypatch.setattr(benchmark, "_timed", by_hand)
+    made = {"bare physics": part(0), "rollout": part(2), "PPO": part(1), "whole step": part(1)}
+    timed = iter([0.001, 0.002, 0.007, 0.02])
+    monkeypatch.setattr(benchmark, "parts_of", lambda settings: made)
+    monkeypatch.setattr(benchmark, "_timed", lambda function, *inputs: (None, next(timed)))
+    monkeypatch.setattr(benchmark, "limit", lambda part, seconds, whole: f"{part.times}, {seconds / whole:.2f}")
     found = benchmark.parts(benchmark.Settings())
     assert {name.removeprefix("one seed, one device: "): value for name, value in found.items()} == {
         "bare physics, ms": "1.0",
         "rollout, ms": "2.0",
-        "relabelling, ms": "3.0",
-        "adversary, ms": "5.0",
         "PPO, ms": "7.0",
         "whole step, ms": "20.0",
         "whole step / bare physics": "20.00",
         "whole step / rollout": "10.00",
+        "limits of rollout": "2, 0.10",
+        "limits of PPO": "1, 0.35",
+        "limits of whole step": "1, 1.00",
+        "all between the parts, ms": "9.0",  # 20 − 2 × 2 − 7
     }
+
+
+def test_a_limit_is_the_share_of_the_step_the_arithmetic_and_what_the_products_take_alone(monkeypatch):
+    monkeypatch.setattr(products, "AT_ONCE", 480)  # ten of the part's product
+    monkeypatch.setattr(benchmark, "_timed", lambda function, *inputs: (None, 5e-6))
+    text = benchmark.limit(part(2), 2e-6, 1e-5)
+    assert text == "2 × 20% of the step; 0.000 + 0.000 GFLOP, 0.0 GFLOP/s; products alone 0.0 ms (25%), 0.1 GFLOP/s"
+    assert benchmark.limit(Part(jnp.add, (1.0, 2.0)), 1e-6, 1e-5).endswith("no products")
+
+
+def test_arithmetic_counts_a_loop_as_often_as_it_runs_and_the_greater_branch():
+    weights, x = jnp.ones((3, 3)), jnp.ones((5, 3))
+
+    def looped(x):
+        x = jax.lax.scan(lambda x, _: (x @ weights + 1.0, None), x, length=7)[0]
+        return jax.lax.cond(x.sum() > 0, lambda x: x @ weights, lambda x: x, x)
+
+    work = products.arithmetic(looped, x)
+    assert {product.operations: times for product, times in work.products.items()} == {2 * 5 * 3 * 3: 7 + 1}
+    assert work.others == 7 * 15 + 1 + 1 + 1  # additions of the loop; the sum, the comparison and the choice of the branch
+    assert work.operations == 8 * 90 + work.others
+
+
+def test_arithmetic_of_a_batch_of_products_is_that_of_xla():
+    def multiplied(left, right):
+        return jnp.einsum("nij,njk->nik", left, right)
+
+    left, right = jnp.ones((4, 5, 6)), jnp.ones((4, 6, 7))
+    by_xla = jax.jit(multiplied).lower(left, right).cost_analysis()
+    assert by_xla is not None
+    assert products.arithmetic(multiplied, left, right).operations == by_xla["flops"] == 2 * 4 * 5 * 6 * 7
+
+
+@pytest.mark.parametrize("method", ["gacl_tuned", "bc", "behaviour"])
+def test_a_row_of_other_parts_is_refused_before_anything_is_timed(method, capsys, monkeypatch):
+    monkeypatch.setattr(benchmark, "measure", lambda settings: pytest.fail("was measured"))
+    assert command.main([f"method={method}", "env=pendulum"]) == 2
+    assert f"method={method}: its iteration has other parts" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("env", "method"), [("gridworld", "aircl_contrast"), ("pendulum", "aircl_contrast")])
+def test_the_parts_of_a_row_run_and_their_products_are_within_those_of_the_step(env, method):
+    made = parts_of(benchmark.Settings(env=env, method=method))
+    done = {name: products.arithmetic(each.run, *each.inputs).operations for name, each in made.items() if each.times}
+    assert 0.5 * done["whole step"] < sum(made[name].times * done[name] for name in done if name != "whole step")
+    for name in set(made) - {"whole step"}:
+        assert jax.eval_shape(made[name].run, *made[name].inputs) is not None
 
 
 def test_the_speed_of_physics_is_all_steps_over_the_least_and_the_middle_time(monkeypatch):

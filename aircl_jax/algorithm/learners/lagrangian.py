@@ -9,6 +9,7 @@ import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from aircl_jax.algorithm.learners import ppo
+from aircl_jax.algorithm.learners.shuffling import shuffled
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.methods import Method
 from aircl_jax.model.distributions import project_log_std
@@ -225,7 +226,7 @@ def update(
 
     def epoch(carry: tuple[Any, Any], key_epoch: PRNGKeyArray) -> tuple[tuple[Any, Any], Metrics]:
         size = number // num_minibatches
-        order = jax.random.permutation(key_epoch, number)[: num_minibatches * size]
+        order = shuffled(key_epoch, number)[: num_minibatches * size]
         return jax.lax.scan(minibatch_step, carry, order.reshape(num_minibatches, size))
 
     start = ((state.policy, state.value, state.cost_value), state.opt)

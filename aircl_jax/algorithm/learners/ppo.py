@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from aircl_jax.algorithm.learners.shuffling import shuffled
 from aircl_jax.algorithm.masks import masked_mean
 from aircl_jax.model.distributions import project_log_std
 from aircl_jax.model.networks import BoundNetworks
@@ -56,7 +57,7 @@ def epoch_order(key: PRNGKeyArray, number: int, horizon: int, minibatch_size: in
     """Shuffle one pass over `number` trajectories: M minibatches of B whole ones, about `minibatch_size` transitions."""
     num_minibatches = min(number, max(1, number * horizon // minibatch_size))
     size = number // num_minibatches
-    return jax.random.permutation(key, number)[: num_minibatches * size].reshape(num_minibatches, size)
+    return shuffled(key, number)[: num_minibatches * size].reshape(num_minibatches, size)
 
 
 class Batch(NamedTuple):

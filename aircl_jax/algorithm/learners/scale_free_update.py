@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.learners.lagrangian import lagrangian_advantage
+from aircl_jax.algorithm.learners.shuffling import shuffled
 from aircl_jax.algorithm.masks import masked_mean
 from aircl_jax.model.distributions import project_log_std
 from aircl_jax.model.networks import BoundNetworks
@@ -126,7 +127,7 @@ def update(
 
     def epoch(carry: tuple[Trained, Any], key_epoch: PRNGKeyArray) -> tuple[tuple[Trained, Any], Metrics]:
         size = number // minibatches
-        order = jax.random.permutation(key_epoch, number)[: minibatches * size]
+        order = shuffled(key_epoch, number)[: minibatches * size]
         return jax.lax.scan(minibatch_step, carry, order.reshape(minibatches, size))
 
     keys = jax.random.split(key, config.ppo.num_epochs)
