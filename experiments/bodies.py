@@ -28,14 +28,25 @@ from experiments.shared.paired_tests import each
 
 RESULTS = "results/bodies"
 FIRST_SEED = 120  # of all rows; no setting was chosen on these worlds
-ROWS = ("aircl_contrast", "aircl_corrected", "gacl", "icrl", "bc")
+ROWS = ("aircl_contrast", "gacl", "icrl", "bc")  # those with the same settings on every body
 LIMIT = "recovered_limit/"
 LEAST_RETURN, MOST_VIOLATIONS, LEAST_AUROC, NEAR = 0.9, 0.02, 0.95, 0.15  # what counts as reached
 ABOUT = (
-    f"The same configuration as on the swimmer, seeds {FIRST_SEED} and on, each run once. A seed has reached its targets "
-    f"where π earns at least {LEAST_RETURN:.0%} of the demonstrations' return, at most {MOST_VIOLATIONS:.0%} of its steps "
-    f"violate, and the feasibility tells the reference set apart with an AUROC of at least {LEAST_AUROC}. Limits of motors "
-    f"are right within {NEAR:.0%} of the true one, or else off, or not found: one that nothing tempts to cross cannot be."
+    f"Each row's settings are those of every body, seeds {FIRST_SEED} and on, each run once. A seed has reached its targets "
+    f"where π earns at least {LEAST_RETURN} of the demonstrations' return, at most {MOST_VIOLATIONS} of its steps violate, "
+    f"and the feasibility tells the reference set apart with an AUROC of at least {LEAST_AUROC}. Limits of motors are right "
+    f"within {100 * NEAR:.0f} % of the true one, or else off, or not found: one that nothing tempts to cross cannot be."
+)
+HEAD = (
+    "row",
+    "seeds within targets",
+    "return, of",
+    "violating steps",
+    "episodes with one",
+    "AUROC",
+    "limits right, off, not found",
+    "minutes",
+    "commit",
 )
 
 
@@ -50,9 +61,7 @@ class World:
 
 
 WORLDS: Mapping[str, World] = {
-    "halfcheetah": World("half-cheetah, |torque| ≤ 0.5", "halfcheetah"),
-    "hopper": World("hopper, |torque| ≤ 0.5", "hopper"),
-    "halfcheetah_wall": World("half-cheetah, x ≥ −3 m", "halfcheetah", {"constraint": "position"}, 0.0),
+    "halfcheetah": World("half-cheetah, |torque| ≤ 0.5", "halfcheetah"),  # only worlds with shipped demonstrations
 }
 
 
@@ -105,15 +114,16 @@ def _cell(settings: Settings, name: str, row: str) -> None:
 
 
 def reached(cell: Mapping[str, Any]) -> int:
-    """Count the seeds within all three targets of π: return, violations and AUROC."""
-    found = {name: row["per_seed"] for name, row in cell["metrics"].items()}
-    seeds = zip(
-        found["return"], found["expert_return"], found["violation_rate_policy"], found["feasibility_auroc"], strict=True
-    )
-    return sum(
-        earned >= LEAST_RETURN * shown and violated <= MOST_VIOLATIONS and auroc is not None and auroc >= LEAST_AUROC
-        for earned, shown, violated, auroc in seeds
-    )
+    """Count the seeds within all targets of π: return, violations, and AUROC where the row has a feasibility."""
+    names = ("return", "expert_return", "violation_rate_policy", "feasibility_auroc")
+    tells = _mean(cell, "feasibility_auroc") is not None
+    count = 0
+    for earned, shown, violated, auroc in zip(*(cell["metrics"][name]["per_seed"] for name in names), strict=True):
+        if None in (earned, violated) or (tells and auroc is None):
+            continue  # a seed with a number that is not finite
+        good = earned >= LEAST_RETURN * shown and violated <= MOST_VIOLATIONS
+        count += good and (not tells or auroc >= LEAST_AUROC)
+    return count
 
 
 def limits_found(cell: Mapping[str, Any], true: float) -> tuple[int, int, int] | None:
@@ -135,52 +145,43 @@ def limits_found(cell: Mapping[str, Any], true: float) -> tuple[int, int, int] |
 
 def page(cells: Sequence[Mapping[str, Any]], command: str) -> str:
     """Write a section a world: what each row reaches, and every seed."""
-    sections = [
-        "# Bodies and constraints that no setting was chosen on",
-        f"`{command}`",
-        ABOUT,
-    ]
-    head = (
-        "row",
-        "seeds within targets",
-        "return, of",
-        "violations",
-        "AUROC",
-        "limits right, off, not found",
-        "minutes",
-        "commit",
-    )
+    sections = ["# Bodies and constraints that no setting was chosen on", f"`{command}`", ABOUT]
     for name, world in WORLDS.items():
         own = [cell for cell in cells if cell["world"] == name]
         if own:
-            sections += [
-                f"## {world.about[0].upper()}{world.about[1:]}",
-                markdown.table(head, [_row(cell, world) for cell in own]),
-            ]
-            sections += [_seeds(cell) for cell in own]
-    return markdown.paragraphs(*sections) + "\n"
+            table = markdown.table(HEAD, [_row(cell, world) for cell in own])
+            sections += [f"## {world.about[0].upper()}{world.about[1:]}", table, *map(_seeds, own)]
+    return markdown.paragraphs(*sections)
 
 
 def _row(cell: Mapping[str, Any], world: World) -> tuple[str, ...]:
-    mean = {name: row["mean"] for name, row in cell["metrics"].items()}
-    auroc, limits = mean["feasibility_auroc"], limits_found(cell, world.motor_limit)
+    limits = limits_found(cell, world.motor_limit)
     return (
         cell["row"],
         f"{reached(cell)} of {len(cell['seeds'])}",
-        f"{mean['return']:.0f}, {mean['expert_return']:.0f}",
-        f"{100 * mean['violation_rate_policy']:.2f} %",
-        "—" if auroc is None else f"{auroc:.3f}",
+        f"{_shown(_mean(cell, 'return'), 0)}, {_shown(_mean(cell, 'expert_return'), 0)}",
+        f"{_shown(_mean(cell, 'violation_rate_policy'), 2, 100)} %",
+        f"{_shown(_mean(cell, 'infeasible_share_policy'), 0, 100)} %",
+        _shown(_mean(cell, "feasibility_auroc"), 3),
         "—" if limits is None else ", ".join(map(str, limits)),
         f"{cell['wall_s'] / 60:.0f}",
         cell["commit"],
     )
 
 
+def _mean(cell: Mapping[str, Any], name: str) -> float | None:
+    return cell["metrics"][name]["mean"]
+
+
+def _shown(value: float | None, digits: int, factor: float = 1.0) -> str:
+    return "—" if value is None else f"{factor * value:.{digits}f}"
+
+
 def _seeds(cell: Mapping[str, Any]) -> str:
     found = {name: row["per_seed"] for name, row in cell["metrics"].items()}
-    correlation = found.get("reward_correlation")
-    of_reward = f"; correlation of f with the reward {each(correlation)}" if correlation and None not in correlation else ""
-    returns = " ".join(f"{value:.0f}" for value in found["return"])
+    correlation = found.get("reward_correlation", [])
+    of_reward = f"; correlation of f with the reward {each(correlation)}" if set(correlation) - {None} else ""
+    returns = " ".join(_shown(value, 0) for value in found["return"])
     return f"`{cell['row']}`, every seed: returns {returns}; violations {each(found['violation_rate_policy'])}{of_reward}."
 
 

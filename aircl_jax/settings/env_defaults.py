@@ -212,8 +212,8 @@ TUNED: dict[str, TrainConfig] = {
 def corrected_of_box(horizon: int) -> TrainConfig:
     """What the centred and corrected rows run with in a world of one's own whose actions are of a box.
 
-    π gets ten minibatches of whole episodes however short these are, and β is small: with fewer updates, or at β = 1, its σ
-    stays far wider than that of demonstrations that are hardly random (docs/research.md).
+    π gets ten minibatches of whole episodes (of 50 rollouts) however short these are, and β is small: with fewer updates, or
+    at β = 1, its σ stays far wider than that of demonstrations that are hardly random (docs/research.md).
     """
     row = _tuned_robot(_ROBOT)
     return replace(

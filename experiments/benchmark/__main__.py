@@ -1,7 +1,8 @@
 """Measure the speed on this machine: `python -m experiments.benchmark env=gridworld`; `peer=true` compares with imitation.
 
-The first prints steps per second, start-up, memory, and the time of each part of an iteration. `peer=true` measures ten
-seeds of aircl_contrast, ten of aircl_corrected, and as many processes of the library imitation (AIRL, in its own Python:
+The first prints steps per second, start-up, memory, the time of each part of an iteration, and its limit: how much
+arithmetic it is, and how long its matrix products alone would take on the same core. `peer=true` measures ten seeds of
+aircl_contrast, ten of aircl_corrected, and as many processes of the library imitation (AIRL, in its own Python:
 `make .venv-peer/.installed`) as there are cores, on gridworld, swimmer, pendulum and walker. It keeps each world in
 results/speed/ and writes results/speed.md; the next call skips kept worlds. Settings, as NAME=VALUE:
 

@@ -11,6 +11,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import jax
+
 from aircl_jax.messages import say
 from experiments.benchmark.parts import MJX, PHYSICS, ROLLOUT, WHOLE, Part, parts_of, world_and_row
 from experiments.benchmark.products import arithmetic, bare_seconds
@@ -26,8 +28,6 @@ def report(settings: Settings) -> None:
     """Measure and print the report. Raises ValueError, before anything runs, for a row that it does not know."""
     world_and_row(settings)
     rows = measure(settings)
-    import jax
-
     say(f"{settings.world}, {settings.method}, {len(jax.devices())} devices on {os.cpu_count()} cores, jax {jax.__version__}")
     for name, value in rows.items():
         say(f"  {name:<58} {value}")
@@ -109,8 +109,6 @@ def limit(part: Part, seconds: float, whole: float) -> str:
 
 
 def _timed(function: Callable[..., Any], *inputs: Any) -> tuple[Any, float]:
-    import jax
-
     compiled = jax.jit(function)
     result = jax.block_until_ready(compiled(*inputs))
     seconds = []

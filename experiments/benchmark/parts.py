@@ -117,7 +117,7 @@ def _of_twins(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, Part
         nets, contrast = networks.bind(state.params, state.obs_stats), state.adversary_opt
         share = twins.asked_of(practising.acting(nets, contrast.twin), expert, state.key)
         met = twins.met_by(contrast, tempted, config, ALONE, expert.mask.sum())
-        return twins.limited(networks, contrast._replace(expected=share, met=met), state.obs_stats)
+        return share, twins.limited(networks, contrast._replace(expected=share, met=met), state.obs_stats)
 
     def learn(state: Any, policy: Any) -> Any:
         nets = networks.bind(state.params, state.obs_stats)
@@ -128,7 +128,7 @@ def _of_twins(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, Part
     inner = {
         ROLLOUT: Part(roll_out, (state,), 2),
         "moments": Part(average, (state, expert, policy)),
-        "limits of δ": Part(limits, (state, expert, policy)),
+        "n against M": Part(limits, (state, expert, policy)),
         "PPO": Part(learn, (state, policy), 2),
     }
     return inner, policy.action.swapaxes(0, 1)

@@ -1,9 +1,9 @@
 """The learner on the true reward and constraint, from scratch: `python -m experiments.learner`.
 
-Settings, as NAME=VALUE: tasks (comma list, or all), unit (the reward is multiplied by it), seeds, first_seed, iterations (0:
-the learner's own), out (a folder). A finished cell is kept as out/TASK_UNIT.json with its commit, and skipped by the next call;
-out.md has the table. beside=brax trains Brax's PPO too, on half-cheetah and hopper with the true reward alone, three seeds: it
-needs the extra `brax`, and keeps its cells in results/learner_brax.
+Settings, as NAME=VALUE: tasks (comma list, or all), unit (the reward is multiplied by it), seeds (0: ten), first_seed,
+iterations (0: the learner's own), out (a folder). A finished cell is kept as out/TASK_UNIT.json with its commit, and skipped
+by the next call; out.md has the table. beside=brax trains Brax's PPO too, on half-cheetah and hopper with the true reward
+alone, three seeds: it needs the extra `brax`, and keeps its cells in results/learner_brax.
 """
 
 import shlex
@@ -64,7 +64,7 @@ MOST_VIOLATIONS = 1e-3
 class Settings:
     tasks: str = "all"
     unit: float = 1.0
-    seeds: int = SEEDS
+    seeds: int = 0  # 0: ten, and three beside another learner
     first_seed: int = 9200  # no seed that a setting was chosen on
     iterations: int = 0
     out: str = RESULTS
@@ -80,6 +80,7 @@ def learn(settings: Settings, words: Sequence[str]) -> None:
     if settings.beside:
         _beside(settings, words)
         return
+    settings = replace(settings, seeds=settings.seeds or SEEDS)
     refuse_short_runs(settings.seeds, settings.iterations, settings.out, RESULTS)
     chosen = listed("task", settings.tasks, tuple(TASKS))
     if settings.unit <= 0:
@@ -94,7 +95,9 @@ def learn(settings: Settings, words: Sequence[str]) -> None:
 
 def _beside(settings: Settings, words: Sequence[str]) -> None:
     """Compare with a known implementation, by fewer seeds. Raises ValueError for shorter runs in the folder of the results."""
-    seeds = BESIDE_SEEDS if settings.seeds == SEEDS else at_least("seeds", settings.seeds, 1)
+    seeds = at_least("seeds", settings.seeds, 0) or BESIDE_SEEDS
+    if settings.unit != 1.0:
+        raise ValueError(f"unit={settings.unit:g} is of our own tasks; leave it out beside {settings.beside}")
     out = Path(BESIDE_RESULTS if settings.out == RESULTS else settings.out)
     at_least("iterations", settings.iterations, 0)
     if (seeds != BESIDE_SEEDS or settings.iterations) and out.resolve() == Path(BESIDE_RESULTS).resolve():

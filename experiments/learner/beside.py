@@ -19,7 +19,7 @@ from aircl_jax.transfer.swap import EPISODE_SEED, EPISODES, recombine
 from envs import Env
 from envs.robots.practice_worlds import ending
 from experiments.cli.words import listed
-from experiments.learner.brax_ppo import EIGHTH, NOTEBOOK, returns_of, train_ppo
+from experiments.learner.brax_ppo import EIGHTH, NOTEBOOK, brax_ppo, returns_of, train_ppo
 from experiments.shared.commits import current_commit
 from experiments.shared.kept_files import keep, read_kept
 
@@ -46,6 +46,7 @@ class Budget:
 def compare(bodies: str, budget: Budget, words: Sequence[str]) -> None:
     """Train the cells that are missing, then write the table of all that are there."""
     chosen = listed("task", bodies, BODIES)
+    brax_ppo()  # before ours trains
     for body in chosen:
         for learner in ABOUT:
             _cell(body, learner, budget)

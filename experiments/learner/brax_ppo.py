@@ -1,9 +1,9 @@
-"""Brax's PPO on a world of ours: the wrapper, its settings by body, and the episodes of what it trained."""
+"""Brax's PPO on a world of ours: the wrapper, two sets of settings, and the episodes of what it trained."""
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
-from unittest import mock
 
 import jax
 import jax.numpy as jnp
@@ -35,17 +35,18 @@ EIGHTH = {**NOTEBOOK, "num_envs": 256, "batch_size": 64}
 Act = Callable[[Float[Array, " O"], PRNGKeyArray], Float[Array, " A"]]  # what is drawn where this is seen
 
 
-def train_ppo(world: Env, steps: int, seed: int, settings: Mapping[str, Any]) -> tuple[Act, int]:
-    """Train for at least `steps` steps; return the policy, which draws its actions, and the steps that were taken.
-
-    Raises:
-        ImportError: in one line, where Brax is not installed.
-    """
+def brax_ppo() -> Any:
+    """Import Brax's PPO. Raises ValueError, in one line, where Brax is not installed."""
     try:
-        ppo: Any = importlib.import_module("brax.training.agents.ppo.train")
+        return importlib.import_module("brax.training.agents.ppo.train")
     except ImportError as error:
-        raise ImportError(f"its PPO needs the package brax, which is not installed; {EXTRA}brax]") from error
-    with mock.patch.object(jax, "device_put_replicated", _replicated, create=True):
+        raise ValueError(f"beside=brax needs the package brax, which is not installed; {EXTRA}brax]") from error
+
+
+def train_ppo(world: Env, steps: int, seed: int, settings: Mapping[str, Any]) -> tuple[Act, int]:
+    """Train for at least `steps` steps; return the policy, which draws its actions, and the steps that were taken."""
+    ppo = brax_ppo()
+    with _with_replication():
         make_policy, params, _ = ppo.train(
             wrapped(world), num_timesteps=steps, episode_length=world.horizon, seed=seed, run_evals=False, **settings
         )
@@ -54,8 +55,20 @@ def train_ppo(world: Env, steps: int, seed: int, settings: Mapping[str, Any]) ->
     return lambda seen, key: policy(seen, key)[0], each * -(-steps // each)
 
 
+@contextmanager
+def _with_replication() -> Iterator[None]:
+    """Give jax, for Brax 0.14, the `device_put_replicated` that jax 0.10 no longer has."""
+    had = getattr(jax, "device_put_replicated", None)
+    setattr(jax, "device_put_replicated", _replicated)  # noqa: B010
+    try:
+        yield
+    finally:
+        if had is None:
+            delattr(jax, "device_put_replicated")
+
+
 def _replicated(tree: Any, devices: Sequence[Any]) -> Any:
-    """Do what `jax.device_put_replicated` did, which Brax 0.14 calls and jax 0.10 no longer has."""
+    """Put a copy on each device, with a leading axis of devices."""
     place = NamedSharding(Mesh(np.asarray(devices), ("device",)), PartitionSpec("device"))
     copies = jax.tree.map(lambda leaf: jnp.broadcast_to(jnp.asarray(leaf), (len(devices), *jnp.shape(leaf))), tree)
     return jax.device_put(copies, place)

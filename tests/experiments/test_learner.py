@@ -1,5 +1,6 @@
 """Brax's PPO beside the learner: it acts in our world, and both are judged alike."""
 
+import sys
 from typing import Any
 
 import jax
@@ -58,7 +59,25 @@ def test_fewer_seeds_and_other_bodies_are_refused_in_the_folder_of_the_results(t
     assert "seeds=1 iterations=0: choose out=DIR" in capsys.readouterr().err
     assert command.main(["beside=brax", "tasks=swimmer"]) == 2
     assert "unknown task 'swimmer'; choose from halfcheetah, hopper, or all" in capsys.readouterr().err
+    assert command.main(["beside=brax", "unit=3"]) == 2
+    assert "unit=3 is of our own tasks" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_brax_is_missed_before_anything_is_trained(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "brax.training.agents.ppo.train", None)
+    monkeypatch.setattr(beside, "_cell", lambda *_: pytest.fail("was trained"))
+    assert command.main(["beside=brax"]) == 2
+    assert "needs the package brax, which is not installed" in capsys.readouterr().err
+
+
+def test_another_learner_has_three_seeds_unless_more_are_asked_for(monkeypatch):
+    asked = []
+    monkeypatch.setattr(command, "compare", lambda tasks, budget, words: asked.append((len(budget.seeds), str(budget.out))))
+    assert command.main(["beside=brax"]) == 0
+    assert command.main(["beside=brax", "seeds=10", "out=there"]) == 0
+    assert asked == [(3, "results/learner_brax"), (10, "there")]
 
 
 @pytest.mark.filterwarnings(WARNS)

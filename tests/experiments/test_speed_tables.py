@@ -101,7 +101,7 @@ def test_arithmetic_counts_a_loop_as_often_as_it_runs_and_the_greater_branch():
 
     work = products.arithmetic(looped, x)
     assert {product.operations: times for product, times in work.products.items()} == {2 * 5 * 3 * 3: 7 + 1}
-    assert work.others == 7 * 15 + 1 + 1 + 1  # additions of the loop; the sum, the comparison and the choice of the branch
+    assert work.others == 7 * 15 + 1 + 1  # additions of the loop; the sum, and the comparison
     assert work.operations == 8 * 90 + work.others
 
 
@@ -123,10 +123,11 @@ def test_a_row_of_other_parts_is_refused_before_anything_is_timed(method, capsys
 
 
 @pytest.mark.parametrize(("env", "method"), [("gridworld", "aircl_contrast"), ("pendulum", "aircl_contrast")])
-def test_the_parts_of_a_row_run_and_their_products_are_within_those_of_the_step(env, method):
+def test_the_parts_of_a_row_have_about_the_arithmetic_of_the_step(env, method):
     made = parts_of(benchmark.Settings(env=env, method=method))
     done = {name: products.arithmetic(each.run, *each.inputs).operations for name, each in made.items() if each.times}
-    assert 0.5 * done["whole step"] < sum(made[name].times * done[name] for name in done if name != "whole step")
+    whole = done.pop("whole step")
+    assert 0.5 * whole < sum(made[name].times * done[name] for name in done) < 1.1 * whole
     for name in set(made) - {"whole step"}:
         assert jax.eval_shape(made[name].run, *made[name].inputs) is not None
 
