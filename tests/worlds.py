@@ -1,9 +1,11 @@
 """Small worlds, scores and one jitted fused step, shared by the tests."""
 
 import importlib
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -181,3 +183,13 @@ def term(
     """One term of a row's loss, in random batches where none are given."""
     config = replace(TINY, adversary=AdversaryConfig(**adversary))
     return TERMS[name](METHODS[method], config, coefficients, batches or random_batches())
+
+
+def guides_world() -> Any:
+    """The point that goes round a disc, with demonstrations and a reference set, as the guide writes them."""
+    guide = Path(__file__).parents[1] / "docs" / "guide.md"
+    names: dict[str, Any] = {}
+    for block in re.findall(r"^```python\n(.*?)^```$", guide.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL):
+        if any(begin in block for begin in ("point = Env(", "def record(", "scored = replace(")):
+            exec(compile(block, str(guide), "exec"), names)
+    return names["scored"]

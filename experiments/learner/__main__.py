@@ -32,7 +32,7 @@ from aircl_jax.types import Trajectory
 from envs.settings import at_least
 from experiments.cli.command import run_command
 from experiments.cli.words import SEEDS, listed, refuse_short_runs
-from experiments.learner.beside import Budget, compare
+from experiments.learner.beside import Budget, compare, steps_of
 from experiments.shared.commits import current_commit
 from experiments.shared.kept_files import keep, read_kept
 
@@ -125,7 +125,6 @@ def _cell(settings: Settings, name: str) -> None:
         raise TypeError(f"{name} is a task of a robot")
     drawn = episodes(swapped.made, world, 16, jax.random.key(EPISODE_SEED))
     of_seed = [jax.tree.map(lambda leaf, i=i: leaf[i], drawn) for i in range(len(seeds))]
-    steps = config.iterations * config.num_trajectories * world.horizon * (1 + (config.candidates - 1) * config.trial)
     made = {
         "task": name,
         "about": task.about,
@@ -134,7 +133,7 @@ def _cell(settings: Settings, name: str) -> None:
         "constrained": task.constrained,
         "seeds": list(seeds),
         "commit": commit,
-        "env_steps_per_seed": int(steps),
+        "env_steps_per_seed": steps_of(config, world.horizon),
         **{word: round(value, 1) for word, value in spent.items()},
         "metrics": swapped.metrics,
         "gait": [[round(value, 3) for value in gait_of(world, one)] for one in of_seed],

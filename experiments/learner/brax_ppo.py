@@ -57,14 +57,15 @@ def train_ppo(world: Env, steps: int, seed: int, settings: Mapping[str, Any]) ->
 
 @contextmanager
 def _with_replication() -> Iterator[None]:
-    """Give jax, for Brax 0.14, the `device_put_replicated` that jax 0.10 no longer has."""
-    had = getattr(jax, "device_put_replicated", None)
+    """Give jax the `device_put_replicated` that Brax 0.14 calls, where, as in jax 0.10, it has none."""
+    if hasattr(jax, "device_put_replicated"):
+        yield
+        return
     setattr(jax, "device_put_replicated", _replicated)  # noqa: B010
     try:
         yield
     finally:
-        if had is None:
-            delattr(jax, "device_put_replicated")
+        delattr(jax, "device_put_replicated")
 
 
 def _replicated(tree: Any, devices: Sequence[Any]) -> Any:

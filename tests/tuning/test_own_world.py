@@ -1,15 +1,12 @@
 """On the guide's own world a search without the truth finds settings that are no worse in the true measures."""
 
-import re
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
+from tests.worlds import guides_world
+
 pytest.importorskip("optuna", reason="the extra `search` is not installed")
 
-GUIDE = Path(__file__).parents[2] / "docs" / "guide.md"
 # Chosen before any search had ended: the two learning rates and the judge's steps, the defaults among them.
 RANGES = {
     "train.ppo.learning_rate": (0.0003, 0.003, "log"),
@@ -22,21 +19,12 @@ SEEDS, FIRST = 3, 100  # of the comparison
 COMPARED = ("violation_rate_policy", "return", "feasibility_auroc", "occupancy_tv")
 
 
-def world() -> Any:
-    """The point that goes round a disc, with demonstrations and a reference set, as the guide writes them."""
-    names: dict[str, Any] = {}
-    for block in re.findall(r"^```python\n(.*?)^```$", GUIDE.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL):
-        if any(begin in block for begin in ("point = Env(", "def record(", "scored = replace(")):
-            exec(compile(block, str(GUIDE), "exec"), names)
-    return names["scored"]
-
-
 @pytest.mark.slow
 def test_what_a_search_finds_on_ones_own_world_is_no_worse_than_the_defaults(tmp_path, monkeypatch):
     from aircl_jax import search, train
 
     monkeypatch.chdir(tmp_path)
-    own = world()
+    own = guides_world()
     found = search(own, METHOD, ranges=RANGES, budget=BUDGET, iterations=ITERATIONS, run_dir="search")
     print(f"\n{found.table}\n")
     assert found.has_defaults
