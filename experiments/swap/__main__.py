@@ -27,6 +27,8 @@ ROWS = (
     "uniform",
     "random",
     "bc",
+    "gacl",
+    "icrl",
     "airl_centred",
     "aircl_corrected",
     "aircl_contrast",
@@ -35,7 +37,17 @@ ROWS = (
     "aircl_corrected as it is",
     "bc as it is",
 )
-ROWS_OF_GRIDS = ("oracle", "random", "bc", "airl_centred", "aircl_corrected", "aircl_contrast", "aircl_contrast planned")
+ROWS_OF_GRIDS = (
+    "oracle",
+    "random",
+    "bc",
+    "gacl",
+    "icrl",
+    "airl_centred",
+    "aircl_corrected",
+    "aircl_contrast",
+    "aircl_contrast planned",
+)
 
 ONLY_ON_GRIDS = ("aircl_contrast planned",)
 

@@ -19,9 +19,12 @@ ORDER = (
     "aircl_contrast planned",
     "aircl_corrected",
     "airl_centred",
+    "gacl",
+    "icrl",
     "random",
     "uniform",
     "bc",
+    "aircl_contrast as it is",
     "aircl_corrected as it is",
     "bc as it is",
 )

@@ -14,6 +14,7 @@ from jaxtyping import Array
 from aircl_jax import make_env, train
 from aircl_jax.algorithm.learners.scale_free import Motors, true_motors
 from aircl_jax.messages import say
+from aircl_jax.methods import METHODS
 from aircl_jax.model.networks import BoundNetworks, make_networks
 from aircl_jax.runs.result import Result
 from aircl_jax.settings.learner_config import learner_config
@@ -82,7 +83,10 @@ def applies(row: str, test: Test) -> bool:
         return True
     if row.endswith(AS_IS):
         return test.reward == "learned" and test.constraint == "learned"
-    return row != "bc"  # a clone has nothing to recombine: its policy is tried as it is
+    method = METHODS[row if row != RANDOM else "airl_centred"]
+    if method.needs_true_reward:  # a row that knows the reward has its constraint alone
+        return test.reward == "world" and test.constraint == "learned"
+    return not method.clones  # a clone has nothing to recombine: its policy is tried as it is
 
 
 def _measured(study: Study, env: str, row: str, test: Test) -> dict[str, Any]:

@@ -39,13 +39,14 @@ TESTS: dict[str, tuple[Test, ...]] = {
     "pendulum": (
         SELF,
         ALONE,
-        Test("S2", "balance anywhere + δ", {"reward": "stand"}, reward="world"),
+        Test("S2", "balance at x = 10 mm + δ", {"reward": "target", "target": 0.01}, reward="world"),
         Test("S4 pole", "f + δ, pole × 1.5", {"body": {"pole": 1.5}}),
     ),
     "walker": (
         SELF,
         ALONE,
-        Test("S2", "stand + δ", {"reward": "stand"}, reward="world"),
+        Test("S2 stand", "stand + δ", {"reward": "stand"}, reward="world"),
+        Test("S2 back", "backwards + δ", {"reward": "backwards"}, reward="world"),
         Test("S3", "f + a torque limit of 0.3", {"limit": 0.3}, constraint="world"),
         Test("S4 shape", "f + δ, masses × 1.2", {"body": {"mass": 1.2}}),
     ),

@@ -63,7 +63,7 @@ def test_a_wrong_setting_is_one_line_and_2_and_nothing_is_made(words, said, aske
 def test_rows_on_grids_are_those_that_a_table_can_have_in_every_world_and_control(asked, tmp_path):
     assert command.main(["worlds=gridworld", f"out={tmp_path}"]) == 0
     assert asked == [(world, row) for row in command.ROWS_OF_GRIDS for world in grid_cells.worlds_of(row)]
-    assert len(asked) == (15 + 3) * 7 + 12
+    assert len(asked) == (15 + 3) * 9 + 12
     assert {row for world, row in asked if world in MORE} == {"aircl_contrast planned"}
 
 
@@ -100,6 +100,8 @@ def test_which_rows_have_what_a_test_recombines():
     for row in ("oracle", "uniform", "random", "aircl_corrected"):
         assert all(applies(row, test) for test in NAMED.values())
     assert not any(applies("bc", test) for test in NAMED.values())
+    assert [name for name, test in NAMED.items() if applies("gacl", test) and applies("icrl", test)] == ["S2"]
+    assert [test.name for test in TESTS["walker"] if applies("icrl", test)] == ["S2 stand", "S2 back"]
     assert [name for name in ("S0", "S1", "S2", "S3", "S4 weak") if applies("bc as it is", NAMED[name])] == ["S0", "S4 weak"]
 
 
