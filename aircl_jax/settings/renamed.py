@@ -13,6 +13,7 @@ RENAMED: Mapping[str, str | None] = {
     "train.warm_minibatch_size": "train.clone_minibatch_size",
     "train.pool": "train.pool_factor",
     "train.chunk": "train.checkpoint_every",
+    "train.moments.averaged_from": None,  # θ is chosen once, and no mean is taken
     "train.coefficients.cost_budget": None,  # α of Eq. 10, a constant: it moved the objective and no gradient
 }
 

@@ -1,42 +1,86 @@
-"""The reward of a world without a table: θ of Σ θ_k φ_k(s) by the moments of Eq. 6, sparse, and of a fixed norm."""
+"""The reward of a world without a table: θ of Σ θ_k φ_k(s), first by the moments of Eq. 6, then the sparsest that separates."""
 
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from aircl_jax.model.features import features
 from aircl_jax.model.networks import BoundNetworks
-from aircl_jax.settings.train_config import MomentConfig
+from aircl_jax.settings.train_config import MomentConfig, TrainConfig
 from aircl_jax.types import Trajectory
+
+SOLVED = 2_000  # steps of the choice of features
 
 
 class Weights(NamedTuple):
-    """θ, and its mean over the later part of the run: what is learned."""
+    """θ, and the gaps from which it is chosen: E_E φ − E_k φ of π in iteration k, zeros where there was none yet."""
 
     now: Float[Array, " K"]
-    mean: Float[Array, " K"]
+    gaps: Float[Array, "I K"]
+
+
+def first_weights(number: int, config: TrainConfig) -> Weights:
+    """θ = 0, and room for every iteration after which the constraint may begin."""
+    return Weights(jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1, number)))
 
 
 def next_weights(
-    weights: Weights, gap: Float[Array, " K"], step: Int[Array, ""], iterations: int, config: MomentConfig
+    weights: Weights,
+    gap: Float[Array, " K"],
+    step: Int[Array, ""],
+    begins: Bool[Array, ""],
+    begun: Bool[Array, ""],
+    config: MomentConfig,
 ) -> Weights:
+    """Follow the gap until the means have met, then choose what separates all that π was, and keep it."""
+    gaps = weights.gaps.at[step].set(jnp.where(begun, 0.0, gap), mode="drop")
+    followed = following(weights.now, gap, step, config)
+    now = jax.lax.cond(begins & ~begun, lambda: separating(gaps, followed, config), lambda: followed)
+    return Weights(jnp.where(begun, weights.now, now), gaps)
+
+
+def following(
+    now: Float[Array, " K"], gap: Float[Array, " K"], step: Int[Array, ""], config: MomentConfig
+) -> Float[Array, " K"]:
     """θ ← shrink(θ + α (E_E φ − E_π φ)), its norm at most B and never less than before, and B from `sphere` iterations on.
 
     shrink(θ)_k = θ_k max(0, 1 − α λ / |θ_k|), so that what explains nothing is 0; a θ that would vanish whole is not shrunk.
     The gradient of Eq. 6 has no unit of time, so it is descended plainly: θ adds up the gaps. Without the kept norm θ would
     fall to 0 once the means agree, and chance would say where it goes next.
     """
-    moved = weights.now + config.rate * gap
+    moved = now + config.rate * gap
     shrunk = moved * jnp.maximum(0.0, 1.0 - config.rate * config.sparsity / jnp.maximum(jnp.abs(moved), 1e-12))
-    now = jnp.where(jnp.linalg.norm(shrunk) > 1e-3, shrunk, moved)
-    least = jnp.where(step >= config.sphere, config.norm, jnp.linalg.norm(weights.now))
-    size = jnp.linalg.norm(now) + 1e-9
-    now = now * jnp.clip(size, least, config.norm) / size
-    first = config.averaged_from * iterations
-    averaged = weights.mean + (now - weights.mean) / jnp.maximum(1.0, 1.0 + step - first)
-    return Weights(now, jnp.where(step < first, now, averaged))
+    new = jnp.where(jnp.linalg.norm(shrunk) > 1e-3, shrunk, moved)
+    least = jnp.where(step >= config.sphere, config.norm, jnp.linalg.norm(now))
+    size = jnp.linalg.norm(new) + 1e-9
+    return new * jnp.clip(size, least, config.norm) / size
+
+
+def separating(gaps: Float[Array, "I K"], otherwise: Float[Array, " K"], config: MomentConfig) -> Float[Array, " K"]:
+    """The fewest features by which the demonstrations are worth more, by 1, than each π_k that was unlike them; ‖θ‖ = B.
+
+    argmin_θ ½ Σ_k max(0, 1 − θ · gap_k)² + λ ‖θ‖₁ over the k whose gap is above `near`, λ a share of the least that makes θ 0;
+    by accelerated proximal gradient. Following the gaps says what π lacks now; this says what all that it has been lacked, and
+    a manner of the demonstrator is not of that, for π had it early. `otherwise` where no π was unlike them.
+    """
+    far = (jax.vmap(size_of)(gaps) > config.near).astype(jnp.float32)
+    rows = gaps * far[:, None]
+    rate = 1.0 / jnp.maximum(jnp.linalg.eigvalsh(rows.T @ rows)[-1], 1e-12)
+    penalty = config.selection * jnp.abs(rows.sum(axis=0)).max()
+
+    def step(carry: tuple[Array, Array, Array], _: None) -> tuple[tuple[Array, Array, Array], None]:
+        theta, ahead, pace = carry
+        moved = ahead + rate * (jnp.maximum(0.0, 1.0 - rows @ ahead) @ rows)
+        new = jnp.sign(moved) * jnp.maximum(jnp.abs(moved) - rate * penalty, 0.0)
+        faster = 0.5 * (1.0 + jnp.sqrt(1.0 + 4.0 * pace**2))
+        return (new, new + (pace - 1.0) / faster * (new - theta), faster), None
+
+    zero = jnp.zeros(gaps.shape[1])
+    (theta, _, _), _ = jax.lax.scan(step, (zero, zero, jnp.ones(())), length=SOLVED)
+    size = jnp.linalg.norm(theta)
+    return jnp.where(size > 0, config.norm * theta / jnp.maximum(size, 1e-12), otherwise)
 
 
 def size_of(gap: Float[Array, " K"]) -> Float[Array, ""]:

@@ -81,7 +81,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         nothing = jnp.zeros_like(params.reward["params"]["weights"])
         scale, zero = state_limits.scale_of(reach, config.moments.margin), jnp.zeros(())
         met = state_limits.begin(expert, scale, pool) if nets.feasibility_sees_state else None
-        weights = moments.Weights(nothing, nothing)
+        weights = moments.first_weights(len(nothing), config)
         contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
         params = params._replace(policy=held(nets, params.policy, params.feasibility, zero))
         return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
@@ -96,23 +96,23 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         policy, practice = practising.roll_out(learning, before, state.ppo_opt, world, started, key_rollout)
 
         gap = moments.mean_features(before, expert) - moments.mean_features(before, policy)
-        weights = moments.next_weights(contrast.weights, gap, state.step, config.iterations, config.moments)
+        near = (contrast.near + 1.0) * (moments.size_of(gap) < config.moments.near)
+        begun = contrast.since > 0
+        began = begun | (near >= LASTING) | (state.step >= config.feasibility_delay)
+        weights = moments.next_weights(contrast.weights, gap, state.step, began, begun, config.moments)
         share = pool.mean(asked_of(practising.acting(before, contrast.twin), expert, key_asked), expert.mask.sum())
         expected = contrast.expected + (share - contrast.expected) / (state.step + 1.0)
         feasibility = limited(nets, contrast._replace(expected=expected), state.obs_stats)
-        params = state.params._replace(reward={"params": {"weights": weights.mean}}, feasibility=feasibility)
+        params = state.params._replace(reward={"params": {"weights": weights.now}}, feasibility=feasibility)
         params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert, pool)
-        near = (contrast.near + 1.0) * (moments.size_of(gap) < config.moments.near)
-        began = (contrast.since > 0) | (near >= LASTING) | (state.step >= config.feasibility_delay)
 
         after = nets.bind(params, state.obs_stats)
-        paying = after.with_params(reward={"params": {"weights": weights.now}})
         cost = bound * beyond(after, policy)
-        new, losses = practising.learn(learning, before, practice, policy, jax.vmap(paying.f)(policy), cost, bound, key_update)
+        new, losses = practising.learn(learning, before, practice, policy, jax.vmap(after.f)(policy), cost, bound, key_update)
 
         def alone(twin: Practice) -> tuple[Practice, Trajectory]:
             tempted, twin = practising.roll_out(learning, before, twin, free, started, key_twin)
-            pay, nothing = jax.vmap(paying.f)(tempted), jnp.zeros_like(tempted.mask)
+            pay, nothing = jax.vmap(after.f)(tempted), jnp.zeros_like(tempted.mask)
             return practising.learn(learning, before, twin, tempted, pay, nothing, jnp.zeros(()), key_twin_update)[0], tempted
 
         twin, tempted = jax.lax.cond(contrast.since > 0, alone, lambda _: (new, policy), contrast.twin)

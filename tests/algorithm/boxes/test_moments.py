@@ -1,61 +1,106 @@
-"""The reward of a world without a table: θ by the gap of the feature means."""
+"""The reward of a world without a table: θ by the gaps of the feature means, and the choice among them."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
-from aircl_jax.algorithm.boxes.moments import Weights, mean_features, next_weights
+from aircl_jax.algorithm.boxes.moments import first_weights, following, mean_features, next_weights, separating
 from aircl_jax.methods import get_method
 from aircl_jax.model.features import features
-from aircl_jax.settings.train_config import MomentConfig
+from aircl_jax.settings.train_config import MomentConfig, TrainConfig
 from envs import Box, make_env
 from tests.finished_runs import random_episodes
 from tests.worlds import TINY, tiny_networks, unit_stats
 
-FREE = MomentConfig(rate=0.5, sparsity=0.0, norm=10.0, sphere=40, averaged_from=0.5)
+FREE = MomentConfig(rate=0.5, sparsity=0.0, norm=10.0, sphere=40)
+NEVER, ONCE = jnp.zeros((), bool), jnp.ones((), bool)
 
 
-def after(config, gap, now=(0.0, 0.0), mean=(0.0, 0.0), step=0, iterations=100):
-    weights = Weights(jnp.asarray(now, jnp.float32), jnp.asarray(mean, jnp.float32))
-    return next_weights(weights, jnp.asarray(gap, jnp.float32), jnp.asarray(step), iterations, config)
+def after(config, gap, now=(0.0, 0.0), step=0):
+    return following(jnp.asarray(now, jnp.float32), jnp.asarray(gap, jnp.float32), jnp.asarray(step), config)
 
 
 def test_a_feature_that_demonstrations_have_more_of_is_worth_more():
-    np.testing.assert_allclose(after(FREE, (1.0, -2.0), now=(0.1, 0.2)).now, [0.6, -0.8], rtol=1e-6)
+    np.testing.assert_allclose(after(FREE, (1.0, -2.0), now=(0.1, 0.2)), [0.6, -0.8], rtol=1e-6)
 
 
 def test_what_explains_little_is_shrunk_to_nothing():
     sparse = MomentConfig(rate=0.5, sparsity=0.4, norm=10.0)
-    np.testing.assert_allclose(after(sparse, (1.0, -0.3)).now, [0.3, 0.0], atol=1e-6)  # .5 − .5 · .4; |−.15| < .2
+    np.testing.assert_allclose(after(sparse, (1.0, -0.3)), [0.3, 0.0], atol=1e-6)  # .5 − .5 · .4; |−.15| < .2
 
 
 def test_a_reward_that_would_vanish_whole_is_not_shrunk():
     sparse = MomentConfig(rate=0.5, sparsity=4.0, norm=10.0)
-    np.testing.assert_allclose(after(sparse, (1.0, -0.3)).now, [0.5, -0.15], rtol=1e-6)
+    np.testing.assert_allclose(after(sparse, (1.0, -0.3)), [0.5, -0.15], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("step", "size"), [(39, 0.5), (40, 2.0)])
 def test_the_norm_is_bounded_at_first_and_then_fixed(step, size):
     config = MomentConfig(rate=1.0, sparsity=0.0, norm=2.0, sphere=40)
-    assert float(jnp.linalg.norm(after(config, (0.3, 0.4), step=step).now)) == pytest.approx(size, rel=1e-6)
-    assert float(jnp.linalg.norm(after(config, (3.0, 4.0), step=step).now)) == pytest.approx(2.0, rel=1e-6)
+    assert float(jnp.linalg.norm(after(config, (0.3, 0.4), step=step))) == pytest.approx(size, rel=1e-6)
+    assert float(jnp.linalg.norm(after(config, (3.0, 4.0), step=step))) == pytest.approx(2.0, rel=1e-6)
 
 
 def test_the_norm_never_falls_below_what_it_was_and_the_direction_still_turns():
     config = MomentConfig(rate=0.5, sparsity=0.1, norm=2.0, sphere=40)
-    now = after(config, (-0.5, 0.4), now=(0.3, 0.0)).now  # (.3 − .25 − .05, .2 − .05) → (0, .15) → (0, .3)
+    now = after(config, (-0.5, 0.4), now=(0.3, 0.0))  # (.3 − .25 − .05, .2 − .05) → (0, .15) → (0, .3)
     np.testing.assert_allclose(now, [0.0, 0.3], atol=1e-6)
 
 
-def test_what_is_learned_is_the_mean_over_the_later_part_of_the_run():
-    weights, seen = Weights(jnp.zeros(1), jnp.zeros(1)), []
-    for step in range(10):
-        weights = next_weights(weights, jnp.ones(1), jnp.asarray(step), 10, FREE)
-        seen.append(float(weights.now[0]))
-        if step < 5:
-            assert float(weights.mean[0]) == seen[-1]
-    assert float(weights.mean[0]) == pytest.approx(np.mean(seen[5:]), rel=1e-6)
+def chosen(gaps, config, otherwise=None):
+    gaps = jnp.asarray(gaps, jnp.float32)
+    return np.asarray(separating(gaps, jnp.zeros(gaps.shape[1]) if otherwise is None else otherwise, config))
+
+
+def test_the_chosen_reward_is_the_minimum_in_float64():
+    draws = np.random.default_rng(0)
+    gaps, config = draws.normal(0.4, 0.6, (40, 6)), MomentConfig(norm=0.5, near=0.6, selection=0.1)
+    far = gaps[np.sqrt((gaps**2).mean(axis=1)) > 0.6]
+    assert 0 < len(far) < len(gaps)
+    penalty = 0.1 * np.abs(far.sum(axis=0)).max()
+
+    def loss(split):  # θ = its positive part less its negative one
+        slack = np.maximum(0.0, 1.0 - far @ (split[:6] - split[6:]))
+        pull = -far.T @ slack
+        return 0.5 * (slack**2).sum() + penalty * split.sum(), np.concatenate([pull, -pull]) + penalty
+
+    found = minimize(loss, np.full(12, 0.1), jac=True, bounds=[(0, None)] * 12, method="L-BFGS-B", options={"ftol": 1e-14})
+    naive = found.x[:6] - found.x[6:]
+    assert (np.abs(naive) < 1e-6).any() and (np.abs(naive) > 1e-2).sum() > 1
+    np.testing.assert_allclose(chosen(gaps, config), 0.5 * naive / np.linalg.norm(naive), atol=2e-4)
+
+
+def test_what_every_policy_lacked_is_chosen_and_not_the_manner_that_the_last_one_lacks():
+    manners = [(0.0, 0.9, 0.1), (-0.6, 0.8, 0.2), (0.3, 0.7, 0.9), (-0.5, 0.6, -0.8), (0.8, 0.3, -0.3)]
+    theta = chosen(manners, MomentConfig(norm=0.5, near=0.175))
+    np.testing.assert_allclose(theta, [0.0, 0.5, 0.0], atol=0.03)
+    assert theta[2] == 0.0
+    assert np.argmax(np.abs(chosen(manners[-1:], MomentConfig(norm=0.5, near=0.175)))) == 0
+
+
+def test_policies_like_the_demonstrator_have_no_say_and_without_others_nothing_changes():
+    config = MomentConfig(norm=0.5, near=0.5)
+    far = np.array([[0.2, 1.0], [-0.2, 1.0]])
+    near = np.tile([0.4, -0.1], (50, 1))
+    np.testing.assert_allclose(chosen(np.concatenate([far, near]), config), chosen(far, config), atol=1e-6)
+    np.testing.assert_array_equal(chosen(near, config, jnp.array([0.3, 0.4])), np.array([0.3, 0.4], np.float32))
+
+
+def test_the_reward_follows_the_gap_is_chosen_once_and_is_kept():
+    train = TrainConfig(feasibility_delay=3, moments=MomentConfig(rate=0.5, sparsity=0.0, norm=0.5, near=0.1))
+    weights, gaps = first_weights(2, train), np.array([[0.9, 1.0], [-0.8, 1.0], [1.0, 0.2], [3.0, 3.0]], np.float32)
+    for step, (gap, begins, begun) in enumerate(
+        zip(gaps, (NEVER, NEVER, ONCE, ONCE), (NEVER, NEVER, NEVER, ONCE), strict=True)
+    ):
+        before, weights = weights, next_weights(weights, jnp.asarray(gap), jnp.asarray(step), begins, begun, train.moments)
+        if step < 2:
+            np.testing.assert_array_equal(
+                weights.now, following(before.now, jnp.asarray(gap), jnp.asarray(step), train.moments)
+            )
+    np.testing.assert_array_equal(weights.gaps, [*gaps[:3], np.zeros(2)])
+    np.testing.assert_array_equal(weights.now, separating(jnp.asarray(gaps[:3]), jnp.zeros(2), train.moments))
 
 
 def test_features_are_the_coordinates_and_half_their_bounded_squares():
