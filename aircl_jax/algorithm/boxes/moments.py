@@ -34,11 +34,11 @@ def next_weights(
     begun: Bool[Array, ""],
     config: MomentConfig,
 ) -> Weights:
-    """Follow the gap until the means have met, then choose what separates all that π was, and keep it."""
+    """Follow the gap until the constraint begins, then choose what separates all that π was, and keep it."""
     gaps = weights.gaps.at[step].set(jnp.where(begun, 0.0, gap), mode="drop")
     followed = following(weights.now, gap, step, config)
-    now = jax.lax.cond(begins & ~begun, lambda: separating(gaps, followed, config), lambda: followed)
-    return Weights(jnp.where(begun, weights.now, now), gaps)
+    chosen = separating(gaps, followed, config, jnp.where(begins & ~begun, SOLVED, 0))
+    return Weights(jnp.where(begun, weights.now, chosen), gaps)
 
 
 def following(
@@ -58,27 +58,31 @@ def following(
     return new * jnp.clip(size, least, config.norm) / size
 
 
-def separating(gaps: Float[Array, "I K"], otherwise: Float[Array, " K"], config: MomentConfig) -> Float[Array, " K"]:
+def separating(
+    gaps: Float[Array, "I K"], otherwise: Float[Array, " K"], config: MomentConfig, steps: int | Int[Array, ""] = SOLVED
+) -> Float[Array, " K"]:
     """The fewest features by which the demonstrations are worth more, by 1, than each π_k that was unlike them; ‖θ‖ = B.
 
     argmin_θ ½ Σ_k max(0, 1 − θ · gap_k)² + λ ‖θ‖₁ over the k whose gap is above `near`, λ a share of the least that makes θ 0;
     by accelerated proximal gradient. Following the gaps says what π lacks now; this says what all that it has been lacked, and
-    a manner of the demonstrator is not of that, for π had it early. `otherwise` where no π was unlike them.
+    a manner of the demonstrator is not of that, for π had it early. `otherwise` where no π was unlike them, or after 0 steps,
+    which cost nothing: under `vmap` too, as long as no seed takes any.
     """
     far = (jax.vmap(size_of)(gaps) > config.near).astype(jnp.float32)
     rows = gaps * far[:, None]
-    rate = 1.0 / jnp.maximum(jnp.linalg.eigvalsh(rows.T @ rows)[-1], 1e-12)
+    steepest = jnp.abs(rows.T @ rows).sum(axis=0).max()  # at least the greatest curvature
+    rate = 1.0 / jnp.maximum(steepest, 1e-12)
     penalty = config.selection * jnp.abs(rows.sum(axis=0)).max()
 
-    def step(carry: tuple[Array, Array, Array], _: None) -> tuple[tuple[Array, Array, Array], None]:
+    def step(_: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         theta, ahead, pace = carry
         moved = ahead + rate * (jnp.maximum(0.0, 1.0 - rows @ ahead) @ rows)
         new = jnp.sign(moved) * jnp.maximum(jnp.abs(moved) - rate * penalty, 0.0)
         faster = 0.5 * (1.0 + jnp.sqrt(1.0 + 4.0 * pace**2))
-        return (new, new + (pace - 1.0) / faster * (new - theta), faster), None
+        return new, new + (pace - 1.0) / faster * (new - theta), faster
 
     zero = jnp.zeros(gaps.shape[1])
-    (theta, _, _), _ = jax.lax.scan(step, (zero, zero, jnp.ones(())), length=SOLVED)
+    theta, _, _ = jax.lax.fori_loop(0, steps, step, (zero, zero, jnp.ones(())))
     size = jnp.linalg.norm(theta)
     return jnp.where(size > 0, config.norm * theta / jnp.maximum(size, 1e-12), otherwise)
 
