@@ -25,7 +25,7 @@ class Coefficients:
     reward_scatter: Scalar = 0.7  # σ of g(s) about its mean, in units of β: the prior of a reward of states
     potential_scatter: Scalar = 0.1  # σ_h of the slopes of h, likewise, a coordinate's step: of a prior with heavy tails
     pseudo_count: Scalar = 0.25  # ε: added to what was made and to what is expected, in the tests of entries and of actions
-    least_expected: Scalar = 500.0  # M: actions that must have been expected beyond a limit of the test of actions
+    least_expected: Scalar = 200.0  # M: actions that must have been expected beyond a limit of the test of actions
     icrl_coef: Scalar = 0.6  # weight of ICRL's regulariser E(1 − ζ); the published baseline's value
 
 
