@@ -5,7 +5,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.boxes import moments
-from aircl_jax.algorithm.boxes.state_limits import Reach, scale_of
+from aircl_jax.algorithm.boxes.state_limits import scale_of
+from aircl_jax.algorithm.boxes.twins import Contrast
 from aircl_jax.algorithm.measures import (
     all_finite,
     auroc,
@@ -54,7 +55,7 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
         "occupancy_tv": occupancy_tv(nets, expert, policy),
         "log_std_at_bound": _log_std_at_bound(nets),
         **_next_codes(nets, expert, expert_scores),
-        **(_moments(nets, state.adversary_opt.reach, expert, policy) if networks.method.has_twin else {}),
+        **(_on_the_way(nets, state.adversary_opt, policy) if networks.method.has_twin else {}),
         **(state.adversary_opt._asdict() if networks.method.is_fitted else {}),
     }
     finite = all_finite((state.params, jnp.where(policy.mask[..., None] > 0, policy.obs, 0.0)))
@@ -75,15 +76,17 @@ def occupancy_tv(nets: BoundNetworks, expert: Trajectory, policy: Trajectory) ->
     return 0.5 * jnp.abs(histogram(expert) - histogram(policy)).sum(axis=-1).mean()
 
 
-def _moments(nets: BoundNetworks, reach: Reach, expert: Trajectory, policy: Trajectory) -> Metrics:
-    """Measure how far π's mean features are from the demonstrations', and how often it is where none of those was.
+def _on_the_way(nets: BoundNetworks, contrast: Contrast, policy: Trajectory) -> Metrics:
+    """Measure how near π's mean features came to the demonstrations', and how often it is where none of those was.
 
-    `moment_gap` is the root mean square of E_E φ − E_π φ; `strayed` is the share of steps with a coordinate further beyond the
-    demonstrations' `reach` than π may stray in practice.
+    `moment_gap` is the least root mean square of E_E φ − E_k φ over the iterations k until the constraint began: π goes on by
+    what was chosen then, and may do better than it was shown. `strayed` is the share of steps with a coordinate further beyond
+    the demonstrations' range than π may stray in practice.
     """
-    gap = moments.mean_features(nets, expert) - moments.mean_features(nets, policy)
-    outside = (jnp.abs(scale_of(reach, nets.config.moments.margin).of(policy.obs)) >= 1.0).any(axis=-1)
-    return {"moment_gap": moments.size_of(gap), "strayed": (outside * policy.mask).sum() / policy.mask.sum()}
+    gaps = jax.vmap(moments.size_of)(contrast.weights.gaps)
+    least = jnp.where(gaps > 0, gaps, jnp.inf).min()
+    outside = (jnp.abs(scale_of(contrast.reach, nets.config.moments.margin).of(policy.obs)) >= 1.0).any(axis=-1)
+    return {"moment_gap": least, "strayed": (outside * policy.mask).sum() / policy.mask.sum()}
 
 
 def _scores(nets: BoundNetworks, trajectories: Trajectory) -> Scores:

@@ -47,7 +47,7 @@ ALARMS = (
     Alarm(
         "moment_gap",
         lambda x: x > 0.35,
-        "π does not do what was demonstrated: its mean features are another policy's, so f was not identified",
+        "π never came near what was demonstrated: its mean features stayed another policy's, so f was not identified",
         "Train longer (iterations=), or roll out more (train.num_trajectories=)",
     ),
     Alarm(

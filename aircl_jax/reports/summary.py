@@ -50,7 +50,7 @@ ANIMAL_MEANINGS = {  # of recorded animals: aircl_jax.algorithm.learners.likelih
     "held_out_recordings": "how many recordings the seed did not draw",
 }
 LIMIT_MEANINGS = {  # of rows with a twin: aircl_jax.algorithm.boxes
-    "moment_gap": "root mean square of E_E φ − E_π φ, in standard deviations of the demonstrations",
+    "moment_gap": "least root mean square of E_E φ − E_π φ until the constraint began, in demonstrated standard deviations",
     "strayed": "share of the policy's steps beyond the demonstrations' range by more than it may stray in practice",
     "untested": "share of the limits of which none was drawn",
 }
