@@ -128,7 +128,8 @@ def _own_budgets(study: Study) -> list[str]:
         budgets = []
         for env in COLUMNS:
             first = first_seed_of(env, method)
-            seeds = f"seeds {first} to {first + study.job.seeds - 1}"
+            cell = study.cells.get((env, method), {"seeds": range(first, first + study.job.seeds)})
+            seeds = f"seeds {min(cell['seeds'])} to {max(cell['seeds'])}"
             budgets.append(f"{env} {iterations_of(study.job, env, method)} iterations, {seeds}")
         said.append(
             f"`{method}` has its own iterations and fresh seeds, none on which its settings were chosen: {'; '.join(budgets)}."
