@@ -47,7 +47,8 @@ what the uniform policy earns. A reward and a constraint are separately right wh
 more violations than the truth. Brackets hold 95 % bootstrap intervals over seeds, — a test that was not run."""
 GRIDS = """Means over the layouts on which every row is finished, three seeds (`random`: ten draws;
 `aircl_contrast`: ten fresh seeds). Violations, after the
-score, are shares of episodes less those of the truth's plan. `bc` and `gacl` have no f: their policies act as they are. Changed worlds are
+score, are shares of episodes less those of the truth's plan. Of rows that learn no f (`bc`, `gacl`, `icrl`)
+the policy acts as it is. Changed worlds are
 three other starts, wind .2, slip .2, two walls, twice the horizon, and three of these together."""
 APART = "Here 1 is right for `S1` and `split` (below 1, f holds the constraint), 0 for the distance (.71 is unrelated)."
 POWER = """True M is how often the demonstrators, from where they were, would have entered the obstacle had it alone been
