@@ -37,17 +37,7 @@ ROWS = (
     "aircl_corrected as it is",
     "bc as it is",
 )
-ROWS_OF_GRIDS = (
-    "oracle",
-    "random",
-    "bc",
-    "gacl",
-    "icrl",
-    "airl_centred",
-    "aircl_corrected",
-    "aircl_contrast",
-    "aircl_contrast planned",
-)
+ROWS_OF_GRIDS = tuple(row for row in ROWS if row != "uniform" and not row.endswith("as it is"))
 
 ONLY_ON_GRIDS = ("aircl_contrast planned",)
 

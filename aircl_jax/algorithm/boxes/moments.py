@@ -22,7 +22,7 @@ class Weights(NamedTuple):
 
 
 def first_weights(number: int, config: TrainConfig) -> Weights:
-    """θ = 0, and room for every iteration after which the constraint may begin."""
+    """Begin with θ = 0 and room for the gap of every iteration after which the constraint may begin."""
     return Weights(jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1, number)))
 
 
@@ -61,7 +61,7 @@ def following(
 def separating(
     gaps: Float[Array, "I K"], otherwise: Float[Array, " K"], config: MomentConfig, steps: int | Int[Array, ""] = SOLVED
 ) -> Float[Array, " K"]:
-    """The fewest features by which the demonstrations are worth more, by 1, than each π_k that was unlike them; ‖θ‖ = B.
+    """Choose the fewest features by which demonstrations are worth more, by 1, than each π_k that was unlike them; ‖θ‖ = B.
 
     argmin_θ ½ Σ_k max(0, 1 − θ · gap_k)² + λ ‖θ‖₁ over the k whose gap is above `near`, λ a share of the least that makes θ 0;
     by accelerated proximal gradient. Following the gaps says what π lacks now; this says what all that it has been lacked, and

@@ -78,10 +78,9 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         practice = practising.begin(learning, params, nets.init(key_cost).value, world, key_world)
         own = action_limits.actions_made(taken.reshape(-1, taken.shape[-1]), expert.mask.ravel())
         made = action_limits.pooled(own, pool)
-        nothing = jnp.zeros_like(params.reward["params"]["weights"])
         scale, zero = state_limits.scale_of(reach, config.moments.margin), jnp.zeros(())
         met = state_limits.begin(expert, scale, pool) if nets.feasibility_sees_state else None
-        weights = moments.first_weights(len(nothing), config)
+        weights = moments.first_weights(params.reward["params"]["weights"].size, config)
         contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
         params = params._replace(policy=held(nets, params.policy, params.feasibility, zero))
         return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
