@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.learners import practice as practising
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.pooling import ALONE
-from aircl_jax.algorithm.rollout import rollouts
+from aircl_jax.algorithm.rollout import Halves, rollouts
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.demonstrations.sources import demonstrations
@@ -100,14 +100,9 @@ def _of_adversary(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, 
 
 
 def _of_twins(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, Part], Any]:
-    """The same of the contrast row where actions are of a box: π and its twin each roll out and learn."""
+    """The same of the contrast row where actions are of a box: π and its twin roll out together, and each learns."""
     networks, config = trainer.networks, trainer.networks.config
-    learning, started = twins.learning_of(networks), jnp.array(True)
-
-    def roll_out(state: Any) -> Any:
-        nets = networks.bind(state.params, state.obs_stats)
-        world = twins.practice_world(nets.env, state.adversary_opt.reach, config)
-        return practising.roll_out(learning, nets, state.ppo_opt, world, started, state.key)
+    learning, halves = twins.learning_of(networks), cast(Halves, trainer.step)
 
     def average(state: Any, expert: Any, policy: Any) -> Any:
         nets = networks.bind(state.params, state.obs_stats)
@@ -124,9 +119,9 @@ def _of_twins(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, Part
         paid, cost = jax.vmap(nets.f)(policy), twins.beyond(nets, policy)
         return practising.learn(learning, nets, state.ppo_opt, policy, paid, cost, jnp.ones(()), state.key)
 
-    policy, _ = jax.jit(roll_out)(state)
+    policy = jax.jit(halves.roll_out)(state, expert).policy
     inner = {
-        ROLLOUT: Part(roll_out, (state,), 2),
+        ROLLOUT: Part(halves.roll_out, (state, expert)),
         "moments": Part(average, (state, expert, policy)),
         "n against M": Part(limits, (state, expert, policy)),
         "PPO": Part(learn, (state, policy), 2),

@@ -14,12 +14,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from aircl_jax.algorithm.boxes import action_limits, moments, state_limits
+from aircl_jax.algorithm.boxes.practice_rollouts import Rolled, box_of, motor_limits, practice_world, reached, rolled_out
 from aircl_jax.algorithm.learners import practice as practising
 from aircl_jax.algorithm.learners.practice import Learning, Practice
 from aircl_jax.algorithm.learners.scale_free import falls
 from aircl_jax.algorithm.learners.scale_free_update import make_optimiser
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.pooling import ALONE, Pool
+from aircl_jax.algorithm.rollout import Halves
 from aircl_jax.algorithm.sampler import take
 from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
 from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
@@ -28,8 +30,6 @@ from aircl_jax.model.networks import BoundNetworks, Networks
 from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.settings.train_config import TrainConfig
 from aircl_jax.types import Metrics, ObsStats, Params, TrainState, Trajectory
-from envs import Box, Env
-from envs.robots.practice_worlds import bounded, clipped_world, restarting
 
 ASKED = 5  # demonstrated trajectories in whose states the twin is asked each iteration
 WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrated actions
@@ -57,7 +57,7 @@ class Steps(NamedTuple):
     """`init(key, expert, stats) -> state` and `step(state, expert) -> (state, metrics)` of one seed."""
 
     init: Callable[[PRNGKeyArray, Trajectory, ObsStats], TrainState]
-    step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
+    step: Halves
 
 
 def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
@@ -85,14 +85,15 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         params = params._replace(policy=held(nets, params.policy, params.feasibility, zero))
         return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
 
-    def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
-        key, key_rollout, key_asked, key_update, key_twin, key_twin_update = jax.random.split(state.key, 6)
-        contrast, started = state.adversary_opt, state.step > 0
+    def roll_out(state: TrainState, _: Trajectory) -> Rolled:
+        _, key, _, _, key_twin, _ = jax.random.split(state.key, 6)
+        return rolled_out(nets, learning, state, key, key_twin)
+
+    def learn(state: TrainState, expert: Trajectory, rolled: Rolled) -> tuple[TrainState, Metrics]:
+        key, _, key_asked, key_update, _, key_twin_update = jax.random.split(state.key, 6)
+        contrast, policy = state.adversary_opt, rolled.policy
         before = nets.bind(state.params, state.obs_stats)
-        free = practice_world(env, contrast.reach, config)
         bound = (contrast.since > 0).astype(jnp.float32)
-        world = free if nets.feasibility_sees_state else clipped_world(free, *motor_limits(before))
-        policy, practice = practising.roll_out(learning, before, state.ppo_opt, world, started, key_rollout)
 
         gap = moments.mean_features(before, expert) - moments.mean_features(before, policy)
         near = (contrast.near + 1.0) * (moments.size_of(gap) < config.moments.near)
@@ -107,14 +108,15 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
 
         after = nets.bind(params, state.obs_stats)
         cost = bound * beyond(after, policy)
-        new, losses = practising.learn(learning, before, practice, policy, jax.vmap(after.f)(policy), cost, bound, key_update)
+        new, losses = practising.learn(
+            learning, before, rolled.practice, policy, jax.vmap(after.f)(policy), cost, bound, key_update
+        )
 
-        def alone(twin: Practice) -> tuple[Practice, Trajectory]:
-            tempted, twin = practising.roll_out(learning, before, twin, free, started, key_twin)
+        def alone(twin: Practice, tempted: Trajectory) -> tuple[Practice, Trajectory]:
             pay, nothing = jax.vmap(after.f)(tempted), jnp.zeros_like(tempted.mask)
             return practising.learn(learning, before, twin, tempted, pay, nothing, jnp.zeros(()), key_twin_update)[0], tempted
 
-        twin, tempted = jax.lax.cond(contrast.since > 0, alone, lambda _: (new, policy), contrast.twin)
+        twin, tempted = jax.lax.cond(contrast.since > 0, alone, lambda *_: (new, policy), rolled.twin, rolled.tempted)
         policy_params = held(nets, new.trained.policy, params.feasibility, (contrast.since + began > 0).astype(jnp.float32))
         params = params._replace(policy=policy_params, value=new.trained.value)
         done = policy if nets.feasibility_sees_state else policy._replace(action=jnp.clip(policy.action, *motor_limits(before)))
@@ -133,7 +135,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         contrast = Contrast(weights, contrast.made, expected, near, since, twin, contrast.reach, met)
         return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
 
-    return Steps(init, step)
+    return Steps(init, Halves(roll_out, learn))
 
 
 def learning_of(nets: Networks) -> Learning:
@@ -170,19 +172,6 @@ def with_std(params: Params, taken: Float[Array, "N T A"], mask: Float[Array, "N
     mean = jnp.einsum("nta,nt->a", taken, weight)
     log_std = jnp.log(WIDER) + 0.5 * jnp.log(jnp.einsum("nta,nt->a", (taken - mean) ** 2, weight) + 1e-8)
     return params._replace(policy={"params": {**params.policy["params"], "log_std": log_std}})
-
-
-def reached(expert: Trajectory) -> tuple[Float[Array, " O"], Float[Array, " O"]]:
-    """Least and greatest of each coordinate in the demonstrations."""
-    seen = expert.mask[..., None] > 0
-    return jnp.where(seen, expert.obs, jnp.inf).min((0, 1)), jnp.where(seen, expert.obs, -jnp.inf).max((0, 1))
-
-
-def practice_world(env: Env, reach: tuple[Array, Array], config: TrainConfig) -> Env:
-    """Start anew where a coordinate leaves the demonstrations' range by `margin` of its widths."""
-    low, high = reach
-    width = config.moments.margin * (high - low)
-    return restarting(bounded(env, low - width, high + width), 0.0)
 
 
 def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Float[Array, "A B"]:
@@ -229,12 +218,6 @@ def held(nets: Networks, policy: Any, feasibility: dict, bound: Float[Array, ""]
     return {"params": {**policy["params"], **ends}}
 
 
-def motor_limits(nets: BoundNetworks) -> tuple[Float[Array, " A"], Float[Array, " A"]]:
-    """The lower and the upper limit at which the policy's motors stop, in the unit of each action."""
-    own, space = nets.params.policy["params"], box_of(nets.env)
-    return space.from_half_widths(own["lower"]), space.from_half_widths(own["upper"])
-
-
 def beyond(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]:
     """−log₂ δ₁ at each step with δ₁ < ½, at most `MOST_CHARGED`, and else 0: 1 on the line, and more the further beyond.
 
@@ -244,11 +227,3 @@ def beyond(nets: BoundNetworks, trajectories: Trajectory) -> Float[Array, "N T"]
     delta = log_step_feasibility(nets.method, nets.config.coefficients, scores)
     charged = jnp.minimum(-delta / jnp.log(2.0), MOST_CHARGED)
     return jnp.where(delta < jnp.log(FORBIDDEN_BELOW), charged, 0.0) * trajectories.mask
-
-
-def box_of(env: Env, instead: str = "aircl_corrected") -> Box:
-    """The box of a world's actions. Raises ValueError, which says what to choose `instead`, where the row cannot run."""
-    space = env.action_space
-    if not isinstance(space, Box) or not space.is_bounded or env.finite_horizon:
-        raise ValueError(f"env={env.name} is no world of a bounded box of actions that goes on; choose {instead}")
-    return space

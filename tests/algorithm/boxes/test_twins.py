@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.boxes import action_limits, state_limits, twins
+from aircl_jax.algorithm.boxes import action_limits, practice_rollouts, state_limits, twins
 from aircl_jax.algorithm.measures import FINITE
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.methods import get_method
@@ -132,7 +132,7 @@ def test_what_the_policy_draws_is_clipped_to_the_limits_once_they_bind_and_the_t
     last = states[-1]
     policy = {"params": {**last.params.policy["params"], **wide}}
     acting = nets.bind(last.params._replace(policy=policy), last.obs_stats)
-    lower, upper = twins.motor_limits(acting)
+    lower, upper = practice_rollouts.motor_limits(acting)
     here: Any = acting.policy(jnp.zeros(1), jnp.zeros((), jnp.int32))
     taken = np.asarray(here.sample(seed=jax.random.key(0), sample_shape=(200,)))
     assert (taken.min(), taken.max()) == (float(lower[0]), float(upper[0])) == (np.float32(-0.2), np.float32(0.3))
@@ -168,8 +168,8 @@ def test_the_first_policy_is_as_wide_as_the_demonstrated_actions():
 
 def test_a_policy_that_leaves_the_demonstrations_behind_starts_anew():
     env, expert = pushed_point(), shown(pushed_point())
-    low, high = twins.reached(expert)
-    world = twins.practice_world(env, (low, high), CONFIG)
+    low, high = practice_rollouts.reached(expert)
+    world = practice_rollouts.practice_world(env, (low, high), CONFIG)
     state, _ = world.reset(jax.random.key(0))
     greatest = 2.0 * float(high[0])  # its range begins at 0
     seen = []
