@@ -213,27 +213,34 @@ def planar_physics(model: Any, integrator: str, frame_skip: int, iterations: int
 
 
 def _of_one(many: Callable[..., tuple[Array, Array]]) -> Callable[..., tuple[Array, Array]]:
-    """Turn `many`, which takes N environments on the last axis, into a function of one whose `vmap` calls `many` once.
+    """Turn `many`, which takes N environments on the last axis, into a function of one whose `vmap`s call `many` once.
 
-    A plain `vmap` would put the environments first. The batching rule has no reverse mode, so derivatives are taken
-    through `many` at N = 1.
+    A plain `vmap` would put the environments first, and each further one its own axis before them: seeds × rollouts are N here.
+    The batching rule has no reverse mode, so derivatives are taken through `many` at N = 1.
     """
 
     def plain(*inputs: Array) -> tuple[Array, Array]:
         qpos, qvel = many(*(one[..., None] for one in inputs))
         return qpos[..., 0], qvel[..., 0]
 
-    batched = jax.custom_batching.custom_vmap(plain)
+    @jax.custom_batching.custom_vmap
+    def of_rows(*inputs: Array) -> tuple[Array, Array]:
+        qpos, qvel = many(*(jnp.moveaxis(rows, 0, -1) for rows in inputs))
+        return jnp.moveaxis(qpos, -1, 0), jnp.moveaxis(qvel, -1, 0)
 
-    @batched.def_vmap
+    @of_rows.def_vmap
     def _(size: int, is_batched: list[bool], *inputs: Array) -> tuple[tuple[Array, Array], tuple[bool, bool]]:
-        last = [
-            jnp.moveaxis(one, 0, -1) if along else jnp.broadcast_to(one[..., None], (*one.shape, size))
-            for one, along in zip(inputs, is_batched, strict=True)
+        every = [
+            rows if along else jnp.broadcast_to(rows, (size, *rows.shape))
+            for rows, along in zip(inputs, is_batched, strict=True)
         ]
-        qpos, qvel = many(*last)
-        return (jnp.moveaxis(qpos, -1, 0), jnp.moveaxis(qvel, -1, 0)), (True, True)
+        qpos, qvel = of_rows(*(rows.reshape(-1, *rows.shape[2:]) for rows in every))
+        return (qpos.reshape(size, -1, *qpos.shape[1:]), qvel.reshape(size, -1, *qvel.shape[1:])), (True, True)
 
-    physics = jax.custom_jvp(batched)
+    def one(*inputs: Array) -> tuple[Array, Array]:
+        qpos, qvel = of_rows(*(row[None] for row in inputs))
+        return qpos[0], qvel[0]
+
+    physics = jax.custom_jvp(one)
     physics.defjvp(lambda primals, tangents: jax.jvp(plain, primals, tangents))
     return physics
