@@ -27,7 +27,7 @@ from experiments.shared.kept_files import keep, read_kept
 from experiments.shared.paired_tests import each
 
 RESULTS = "results/bodies"
-FIRST_SEED = 120  # of all rows; no setting was chosen on these worlds
+FIRST_SEED = 130  # of all rows; no setting was chosen on these worlds, and earlier versions were run on 110 to 129
 ROWS = ("aircl_contrast", "gacl", "icrl", "bc")  # those with the same settings on every body
 LIMIT = "recovered_limit/"
 LEAST_RETURN, MOST_VIOLATIONS, LEAST_AUROC, NEAR = 0.9, 0.02, 0.95, 0.15  # what counts as reached

@@ -84,7 +84,7 @@ def test_a_missing_cell_is_trained_with_the_rows_own_settings_and_kept(tmp_path,
 
     monkeypatch.setattr(bodies, "train", trained)
     assert main(["worlds=halfcheetah", f"out={tmp_path / 'cells'}", f"runs={tmp_path / 'runs'}"]) == 0
-    assert (asked["env"], asked["row"], asked["seeds"], asked["first_seed"]) == ("halfcheetah", "aircl_contrast", 10, 120)
+    assert (asked["env"], asked["row"], asked["seeds"], asked["first_seed"]) == ("halfcheetah", "aircl_contrast", 10, 130)
     assert asked["env_settings"] == {}
     assert asked["resume"] and asked["run_dir"] == tmp_path / "runs" / "halfcheetah" / "aircl_contrast"
     assert (tmp_path / "cells" / "halfcheetah" / "aircl_contrast.json").exists()
