@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from aircl_jax.settings.train_config import PPOConfig
+from aircl_jax.settings.train_config import PPOConfig, Scalar
 from envs import Env
 
 
@@ -26,7 +26,7 @@ class LearnerConfig:
     multiplier_max: float = 1000.0
     release: float = 0.0  # share of the iterations for which unconstrained seeds keep the constraint
     released_log_std_max: float = -1.2  # upper bound of log σ of unconstrained seeds: σ ≤ .3
-    stray_cost: float = 0.0  # of a step after which the world starts anew, in standard deviations of the reward
+    stray_cost: Scalar = 0.0  # of a step after which the world starts anew, in standard deviations of the reward
     most_strays: float = 1e9  # in practice: where a rollout starts anew more often, λ falls
     strays_bootstrap: bool = False  # whether V of where such a step leads counts, as at a time limit; else nothing follows it
     restart: bool = False  # a body that falls gets up within the rollout, which costs a step; judged at the fixed horizon

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from aircl_jax.algorithm.boxes import action_limits, moments, state_limits
 from aircl_jax.algorithm.boxes.practice_rollouts import Rolled, box_of, motor_limits, practice_world, reached, rolled_out
@@ -67,7 +67,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         ValueError: in one line, where actions are not of a bounded box, or the task ends at the horizon.
     """
     env, config = nets.env, nets.config
-    learning = learning_of(nets)
+    always = learning_of(nets)
 
     def init(key: PRNGKeyArray, expert: Trajectory, stats: ObsStats) -> TrainState:
         key, key_nets, key_cost, key_world = jax.random.split(key, 4)
@@ -75,7 +75,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         params, (low, high) = with_std(nets.init(key_nets), taken, expert.mask), reached(expert)
         reach = pool.least(low), pool.greatest(high)
         world = practice_world(env, reach, config)
-        practice = practising.begin(learning, params, nets.init(key_cost).value, world, key_world)
+        practice = practising.begin(always, params, nets.init(key_cost).value, world, key_world)
         own = action_limits.actions_made(taken.reshape(-1, taken.shape[-1]), expert.mask.ravel())
         made = action_limits.pooled(own, pool)
         scale, zero = state_limits.scale_of(reach, config.moments.margin), jnp.zeros(())
@@ -87,11 +87,12 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
 
     def roll_out(state: TrainState, _: Trajectory) -> Rolled:
         _, key, _, _, key_twin, _ = jax.random.split(state.key, 6)
-        return rolled_out(nets, learning, state, key, key_twin)
+        return rolled_out(nets, always, state, key, key_twin)
 
     def learn(state: TrainState, expert: Trajectory, rolled: Rolled) -> tuple[TrainState, Metrics]:
         key, _, key_asked, key_update, _, key_twin_update = jax.random.split(state.key, 6)
         contrast, policy = state.adversary_opt, rolled.policy
+        learning = dearer(always, contrast.since > 0, config)
         before = nets.bind(state.params, state.obs_stats)
         bound = (contrast.since > 0).astype(jnp.float32)
 
@@ -144,6 +145,12 @@ def learning_of(nets: Networks) -> Learning:
     sees_state = nets.feasibility_sees_state
     settings = learner_of(nets.config, sees_state=sees_state, stops=not sees_state)
     return Learning(settings, make_optimiser(settings, nets.env.horizon))
+
+
+def dearer(learning: Learning, later: Bool[Array, ""], config: TrainConfig) -> Learning:
+    """Charge what a stray costs by now."""
+    price = jnp.where(later, config.moments.stray_cost_later, config.moments.stray_cost)
+    return learning._replace(config=replace(learning.config, stray_cost=price))
 
 
 def learner_of(config: TrainConfig, *, sees_state: bool, stops: bool) -> LearnerConfig:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from aircl_jax.algorithm.boxes import action_limits, practice_rollouts, state_limits, twins
+from aircl_jax.algorithm.learners import practice as practising
 from aircl_jax.algorithm.measures import FINITE
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.methods import get_method
@@ -234,6 +235,19 @@ def test_a_policy_whose_motors_stop_is_charged_little_at_first_and_less_while_it
     of_states = make_trainer(replace(pushed_point(), constraint_input="state"), METHOD, CONFIG)
     begun = of_states.init(jax.random.key(0), shown(pushed_point()))
     assert float(begun.ppo_opt.multiplier) == pytest.approx(moments.multiplier_init)
+
+
+def test_a_stray_costs_more_once_the_reward_is_chosen(monkeypatch):
+    learn = practising.learn
+
+    def priced(learning, *own):
+        practice, metrics = learn(learning, *own)
+        return practice, {**metrics, "price": jnp.asarray(learning.config.stray_cost)}
+
+    monkeypatch.setattr(practising, "learn", priced)
+    step = jax.jit(trainer_of(0.0).step, compiler_options=UNOPTIMISED)
+    prices = [float(step(state, shown(pushed_point()))[1]["price"]) for state in ran()[0][2:5]]
+    assert prices == [250.0, 250.0, 1000.0]  # the constraint begins after the fourth step
 
 
 def test_every_number_of_a_step_is_finite():

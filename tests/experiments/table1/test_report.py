@@ -116,11 +116,11 @@ def test_rows_that_are_given_the_reward_have_a_dagger_and_no_others():
 def test_the_iterations_and_fresh_seeds_of_the_contrast_row_are_said():
     assert (
         "`aircl_contrast` has its own iterations and fresh seeds, none on which its settings were chosen: gridworld 300 "
-        "iterations, seeds 1000 to 1009; swimmer 300 iterations, seeds 140 to 149; walker 500 iterations, seeds 160 to 169; "
+        "iterations, seeds 1000 to 1009; swimmer 300 iterations, seeds 140 to 149; walker 500 iterations, seeds 170 to 179; "
         "pendulum 300 iterations, seeds 130 to 139."
     ) in written()
     older = finished_cell("swimmer", seeds=2, rc_acc=[0.1, 0.2]) | {"method": "aircl_contrast", "seeds": [110, 111]}
-    assert "; swimmer 300 iterations, seeds 110 to 111; walker 500 iterations, seeds 160 to 169; " in written(older)
+    assert "; swimmer 300 iterations, seeds 110 to 111; walker 500 iterations, seeds 170 to 179; " in written(older)
 
 
 def test_bold_compares_a_row_with_other_seeds_without_pairs():
