@@ -1,7 +1,5 @@
 """Roll out episodes of the policy by `lax.scan` (Algorithm 1, line 4)."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -10,22 +8,8 @@ from jaxtyping import Array, PRNGKeyArray
 
 from aircl_jax.algorithm.hoisting import hoisted_scan
 from aircl_jax.model.networks import BoundNetworks
-from aircl_jax.types import Metrics, Trajectory
+from aircl_jax.types import Trajectory
 from envs import Box, Env
-
-
-@dataclass(frozen=True)
-class Halves:
-    """A step of one seed, `(state, given) -> (state, metrics)`, in two: rollouts, which seeds do best together, and learning.
-
-    A few bodies at a time fill no vector unit, and what the networks of many seeds learn from fits no cache.
-    """
-
-    roll_out: Callable[[Any, Any], Any]
-    learn: Callable[[Any, Any, Any], tuple[Any, Metrics]]  # of the state, what is given and what was rolled out
-
-    def __call__(self, state: Any, given: Any) -> tuple[Any, Metrics]:
-        return self.learn(state, given, self.roll_out(state, given))
 
 
 def rollout(nets: BoundNetworks, key: PRNGKeyArray, world: Env | None = None) -> Trajectory:

@@ -36,6 +36,7 @@ class Trainer(NamedTuple):
     step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
     networks: Networks
     traced: bool = True  # False: `step` computes on the host, and is called for one seed after another
+    together: bool = False  # whether many seeds step as one `vmap` on a CPU too: few bodies at a time fill no vector unit
 
 
 def make_trainer(env: Env, method: Method, config: TrainConfig, pool: Pool = ALONE) -> Trainer:
@@ -48,7 +49,12 @@ def make_trainer(env: Env, method: Method, config: TrainConfig, pool: Pool = ALO
     if method.is_of_boxes:
         nets = make_networks(env, method, config)
         steps = twins.make_steps(nets, pool) if method.has_twin else baselines.make_steps(nets)
-        return Trainer(lambda key, expert: steps.init(key, expert, observation_stats(expert)), steps.step, nets)
+        return Trainer(
+            lambda key, expert: steps.init(key, expert, observation_stats(expert)),
+            steps.step,
+            nets,
+            together=method.has_twin,
+        )
     if method.is_fitted:
         return Trainer(*likelihood.make_steps(nets := make_networks(env, method, config)), nets, traced=False)
     table = exact.plannable(env, method, config) if config.learner == "exact" else None

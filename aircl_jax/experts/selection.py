@@ -15,7 +15,7 @@ from aircl_jax.algorithm.learners.lagrangian import Lagrangian, LagrangianState,
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.experts.config import GROUP
 from aircl_jax.model.networks import Networks
-from aircl_jax.runs.seeds import SEED, over_seeds, seed_keys, spread, step_of_seeds
+from aircl_jax.runs.seeds import SEED, over_seeds, seed_keys, spread
 from aircl_jax.types import Metrics, Trajectory
 from envs import Env
 
@@ -62,7 +62,7 @@ def make_runner(training: Lagrangian, seeds: Sequence[int], constrained: Sequenc
     @partial(jax.jit, static_argnums=2, donate_argnums=0)
     def run_chunk(states: Any, flags: Array, length: int) -> tuple[Any, Metrics]:
         def on_device(states: Any, flags: Array) -> tuple[Any, Metrics]:
-            return jax.lax.scan(lambda states, _: step_of_seeds(training.step)(states, flags), states, length=length)
+            return jax.lax.scan(lambda states, _: over_seeds(training.step)(states, flags), states, length=length)
 
         return shard(on_device, in_specs=(SEED, SEED), out_specs=(SEED, PartitionSpec(None, "seed")))(states, flags)
 

@@ -4,9 +4,9 @@ from jaxtyping import Array, Float
 
 from aircl_jax.algorithm.learners.lagrangian import Lagrangian, LagrangianState, make_lagrangian
 from aircl_jax.algorithm.learners.scale_free import TRUE, LearnerState, Task, make_learner, true_motors
-from aircl_jax.algorithm.rollout import Halves
 from aircl_jax.settings.lagrangian_config import LagrangianConfig
 from aircl_jax.settings.learner_config import LearnerConfig
+from aircl_jax.types import Metrics
 from envs import Env
 
 State = LagrangianState | LearnerState
@@ -18,13 +18,9 @@ def make_training(env: Env, config: LagrangianConfig | LearnerConfig) -> Lagrang
         return make_lagrangian(env, config)
     learner, motors = make_learner(env, config), true_motors(env) if config.stops else None
 
-    def task(constrained: Float[Array, ""]) -> Task:
-        return Task(TRUE, constrained, motors)
+    def step(state: LearnerState, constrained: Float[Array, ""]) -> tuple[LearnerState, Metrics]:
+        return learner.step(state, Task(TRUE, constrained, motors))
 
-    step = Halves(
-        lambda state, constrained: learner.step.roll_out(state, task(constrained)),
-        lambda state, constrained, rolled: learner.step.learn(state, task(constrained), rolled),
-    )
     return Lagrangian(learner.init, step, learner.nets)  # pyright: ignore[reportArgumentType]
 
 

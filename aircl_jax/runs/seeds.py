@@ -11,7 +11,6 @@ import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 from jaxtyping import Array, Key
 
-from aircl_jax.algorithm.rollout import Halves
 from aircl_jax.algorithm.trainer import Trainer
 from aircl_jax.runs import world
 from aircl_jax.types import Metrics, TrainState
@@ -36,18 +35,11 @@ def seed_keys(seeds: Sequence[int]) -> Key[Array, " S"]:
 def over_seeds(of: Callable[..., Any]) -> Callable[..., Any]:
     """Map `of`, a function of one seed, over the leading axis of all its arguments, by `vmap` on accelerators.
 
-    On a CPU a device's seeds come one after another, because the arrays of one seed fit the cache and those of five do not.
+    On a CPU a device's seeds run one after another, because the arrays of one seed fit the cache and those of five do not.
     """
     if jax.default_backend() != "cpu":
         return jax.vmap(of)
     return lambda *batched: jax.lax.map(lambda arguments: of(*arguments), batched)
-
-
-def step_of_seeds(step: Callable[[Any, Any], tuple[Any, Metrics]]) -> Callable[[Any, Any], tuple[Any, Metrics]]:
-    """Map a step over the leading axis of both its arguments as `over_seeds` does; the rollouts of `Halves` are a `vmap`."""
-    if not isinstance(step, Halves):
-        return over_seeds(step)
-    return lambda states, given: over_seeds(step.learn)(states, given, jax.vmap(step.roll_out)(states, given))
 
 
 def in_groups(of: Callable[..., Any], *batched: Any) -> Any:
@@ -64,7 +56,7 @@ def in_groups(of: Callable[..., Any], *batched: Any) -> Any:
 
 
 def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
-    """Run the trainer over all seeds: one jit, `lax.scan` over a chunk of `step_of_seeds`, shards of seeds on every device.
+    """Run the trainer over all seeds: one jit, `lax.scan` over a chunk, `over_seeds` within, shards of seeds on every device.
 
     `expert` is [S, N, T, …]. Every seed has its own demonstrations, which are the same where they come from a file.
     """
@@ -77,7 +69,8 @@ def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
     def run_chunk(states: TrainState, expert: Expert, length: int) -> tuple[TrainState, Metrics]:
         def on_device(states: TrainState, expert: Expert) -> tuple[TrainState, Metrics]:
             def iteration(states: TrainState, _: None) -> tuple[TrainState, Metrics]:
-                return step_of_seeds(trainer.step)(states, expert)
+                over = jax.vmap if trainer.together else over_seeds
+                return over(trainer.step)(states, expert)
 
             states, metrics = jax.lax.scan(iteration, states, length=length)
             return states, jax.tree.map(lambda leaf: leaf.swapaxes(0, 1), metrics)

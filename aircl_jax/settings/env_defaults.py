@@ -228,7 +228,7 @@ def corrected_of_box(horizon: int) -> TrainConfig:
 
 
 # The row that a world runs with where none is named; any other world runs with CORRECTED.
-DEFAULT_METHODS = dict.fromkeys(("gridworld", "swimmer", "walker", "halfcheetah"), "aircl_contrast")
+DEFAULT_METHODS: dict[str, str] = dict.fromkeys(("gridworld", "swimmer", "walker", "halfcheetah"), "aircl_contrast")
 CORRECTED = "aircl_corrected"
 
 

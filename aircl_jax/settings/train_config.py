@@ -67,9 +67,7 @@ class MomentConfig:
     selection: Scalar = 0.2  # of ‖θ‖₁ where features are chosen, as a share of the least that leaves none
     margin: Scalar = 1.0  # how far beyond the demonstrations' range π may stray, in its widths, before it starts anew
     stray_cost: Scalar = 250.0  # what that costs, in standard deviations of f
-    stray_cost_later: Scalar = (
-        1000.0  # once f is chosen: by a reward of velocity alone a fall forward may be worth more than 50
-    )
+    stray_cost_later: Scalar = 1000.0  # the same once f is chosen: by velocity alone a fall forward may pay
     multiplier_init: Scalar = 0.3  # λ when the constraint begins
     multiplier_rate: Scalar = 0.03  # of log λ an iteration; the greatest and d are the learner's
     near: Scalar = 0.175  # root mean square of the gap under which the means have nearly met: constraint and twin begin

@@ -22,7 +22,7 @@ from aircl_jax.algorithm.learners.scale_free import (
 )
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.model.networks import BoundNetworks, Networks
-from aircl_jax.runs.seeds import SEED, seed_keys, spread, step_of_seeds
+from aircl_jax.runs.seeds import SEED, seed_keys, spread
 from aircl_jax.settings.learner_config import LearnerConfig
 from aircl_jax.types import Metrics, Trajectory
 from envs import Box, Env
@@ -95,7 +95,7 @@ def episodes(fresh: Fresh, env: Env, number: int, key: PRNGKeyArray) -> Trajecto
 
 def _train(learner: Learner, states: LearnerState, tasks: Task, length: int) -> tuple[LearnerState, dict[str, np.ndarray]]:
     def on_device(states: LearnerState, tasks: Task) -> tuple[LearnerState, Metrics]:
-        return jax.lax.scan(lambda states, _: step_of_seeds(learner.step)(states, tasks), states, length=length)
+        return jax.lax.scan(lambda states, _: jax.vmap(learner.step)(states, tasks), states, length=length)
 
     train = _over(len(states.step), on_device, (SEED, PartitionSpec(None, "seed")))
     states, metrics = train(states, tasks)

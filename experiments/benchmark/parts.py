@@ -2,18 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from aircl_jax.algorithm import adversary, entries
-from aircl_jax.algorithm.boxes import moments, twins
+from aircl_jax.algorithm.boxes import moments, practice_rollouts, twins
 from aircl_jax.algorithm.learners import ppo
 from aircl_jax.algorithm.learners import practice as practising
 from aircl_jax.algorithm.policy_reward import policy_reward
 from aircl_jax.algorithm.pooling import ALONE
-from aircl_jax.algorithm.rollout import Halves, rollouts
+from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.algorithm.terms.logits import Batches
 from aircl_jax.algorithm.trainer import Trainer, make_trainer
 from aircl_jax.demonstrations.sources import demonstrations
@@ -102,7 +102,10 @@ def _of_adversary(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, 
 def _of_twins(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, Part], Any]:
     """The same of the contrast row where actions are of a box: π and its twin roll out together, and each learns."""
     networks, config = trainer.networks, trainer.networks.config
-    learning, halves = twins.learning_of(networks), cast(Halves, trainer.step)
+    learning = twins.learning_of(networks)
+
+    def roll_out(state: Any) -> Any:
+        return practice_rollouts.rolled_out(networks, learning, state, *jax.random.split(state.key))
 
     def average(state: Any, expert: Any, policy: Any) -> Any:
         nets = networks.bind(state.params, state.obs_stats)
@@ -119,9 +122,9 @@ def _of_twins(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, Part
         paid, cost = jax.vmap(nets.f)(policy), twins.beyond(nets, policy)
         return practising.learn(learning, nets, state.ppo_opt, policy, paid, cost, jnp.ones(()), state.key)
 
-    policy = jax.jit(halves.roll_out)(state, expert).policy
+    policy = jax.jit(roll_out)(state).policy
     inner = {
-        ROLLOUT: Part(halves.roll_out, (state, expert)),
+        ROLLOUT: Part(roll_out, (state,)),
         "moments": Part(average, (state, expert, policy)),
         "n against M": Part(limits, (state, expert, policy)),
         "PPO": Part(learn, (state, policy), 2),

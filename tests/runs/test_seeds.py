@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.rollout import Halves
 from aircl_jax.algorithm.trainer import make_trainer
 from aircl_jax.methods import METHODS
 from aircl_jax.runs import seeds
@@ -94,6 +93,12 @@ def test_one_device_is_two_devices(trainer, many, among_many, monkeypatch):
     same_to_rounding(last, last_one)
 
 
+def test_seeds_that_step_together_are_those_that_step_one_after_another(trainer, many, among_many):
+    first, last, _ = run(trainer._replace(together=True), range(many))
+    chex.assert_trees_all_equal(first, among_many[0])
+    same_to_rounding(last, among_many[1])
+
+
 @pytest.mark.slow
 def test_two_chunks_are_one_chunk_of_their_length(trainer):
     _, last, _ = run(trainer, [0, 1], chunks=(4,))
@@ -116,22 +121,6 @@ def test_seeds_in_groups_are_those_of_one_call_in_their_order_and_few_are_one_ca
     calls.clear()
     seeds.in_groups(of, keys[:3], numbers[:3])
     assert calls == [3]
-
-
-def test_the_rollouts_of_all_seeds_are_one_computation_and_each_learns_by_itself():
-    def roll_out(state, given):
-        return state * given
-
-    def learn(state, given, rolled):
-        return state + jnp.sin(rolled), {"rolled": rolled, "given": given}
-
-    step, states, given = seeds.step_of_seeds(Halves(roll_out, learn)), jnp.arange(3.0), jnp.asarray([2.0, 5.0, 7.0])
-    (after, metrics), by_hand = step(states, given), np.arange(3.0) * np.asarray([2.0, 5.0, 7.0])
-    np.testing.assert_allclose(after, np.arange(3.0) + np.sin(by_hand), rtol=1e-6)
-    np.testing.assert_allclose(metrics["rolled"], by_hand)
-    equations = {equation.primitive.name: equation for equation in jax.make_jaxpr(step)(states, given).eqns}
-    assert equations["mul"].invars[0].aval.shape == (3,)
-    assert "sin" not in equations and "scan" in equations
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="another system than Linux")

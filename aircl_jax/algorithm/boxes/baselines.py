@@ -14,11 +14,10 @@ from aircl_jax.algorithm import adversary
 from aircl_jax.algorithm.boxes.practice_rollouts import box_of, practice_world, reached
 from aircl_jax.algorithm.boxes.twins import Steps, beyond, learner_of, with_std
 from aircl_jax.algorithm.learners import practice as practising
-from aircl_jax.algorithm.learners.practice import Learning, Practice
+from aircl_jax.algorithm.learners.practice import Learning
 from aircl_jax.algorithm.learners.scale_free import falls
 from aircl_jax.algorithm.learners.scale_free_update import make_optimiser
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
-from aircl_jax.algorithm.rollout import Halves
 from aircl_jax.algorithm.sampler import refresh
 from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
 from aircl_jax.algorithm.terms.logits import Batches
@@ -49,13 +48,10 @@ def make_steps(nets: Networks) -> Steps:
         replay = practising.roll_out(learning, nets.bind(params, stats), practice, world, jnp.zeros((), bool), key_replay)[0]
         return TrainState(params, practice, opt, stats, replay, key, jnp.zeros((), jnp.int32))
 
-    def roll_out(state: TrainState, expert: Trajectory) -> tuple[Trajectory, Practice]:
-        acting, world = nets.bind(state.params, state.obs_stats), practice_world(env, reached(expert), config)
-        return practising.roll_out(learning, acting, state.ppo_opt, world, state.step > 0, jax.random.split(state.key, 5)[1])
-
-    def learn(state: TrainState, expert: Trajectory, rolled: tuple[Trajectory, Practice]) -> tuple[TrainState, Metrics]:
-        key, _, key_adversary, key_update, key_replay = jax.random.split(state.key, 5)
-        before, (policy, practice) = nets.bind(state.params, state.obs_stats), rolled
+    def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+        key, key_rollout, key_adversary, key_update, key_replay = jax.random.split(state.key, 5)
+        before, world = nets.bind(state.params, state.obs_stats), practice_world(env, reached(expert), config)
+        policy, practice = practising.roll_out(learning, before, state.ppo_opt, world, state.step > 0, key_rollout)
 
         batches = Batches(expert, sampled=policy, policy=beside(policy, state.replay), replay=state.replay)
         params, adversary_opt, losses = adversary.update(before, state.adversary_opt, batches, key_adversary)
@@ -77,7 +73,7 @@ def make_steps(nets: Networks) -> Steps:
         replay = refresh(state.replay, policy, key_replay, config.adversary.replay_rate)
         return TrainState(params, new, adversary_opt, state.obs_stats, replay, key, state.step + 1), metrics
 
-    return Steps(init, Halves(roll_out, learn))
+    return Steps(init, step)
 
 
 def beside(policy: Trajectory, replay: Trajectory) -> Trajectory:

@@ -14,14 +14,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from aircl_jax.algorithm.boxes import action_limits, moments, state_limits
-from aircl_jax.algorithm.boxes.practice_rollouts import Rolled, box_of, motor_limits, practice_world, reached, rolled_out
+from aircl_jax.algorithm.boxes.practice_rollouts import box_of, motor_limits, practice_world, reached, rolled_out
 from aircl_jax.algorithm.learners import practice as practising
 from aircl_jax.algorithm.learners.practice import Learning, Practice
 from aircl_jax.algorithm.learners.scale_free import falls
 from aircl_jax.algorithm.learners.scale_free_update import make_optimiser
 from aircl_jax.algorithm.measures import FINITE, all_finite, step_metrics
 from aircl_jax.algorithm.pooling import ALONE, Pool
-from aircl_jax.algorithm.rollout import Halves
 from aircl_jax.algorithm.sampler import take
 from aircl_jax.algorithm.scoring import calibrated, trajectory_feasibility
 from aircl_jax.model.feasibility import FORBIDDEN_BELOW, log_step_feasibility
@@ -57,7 +56,7 @@ class Steps(NamedTuple):
     """`init(key, expert, stats) -> state` and `step(state, expert) -> (state, metrics)` of one seed."""
 
     init: Callable[[PRNGKeyArray, Trajectory, ObsStats], TrainState]
-    step: Halves
+    step: Callable[[TrainState, Trajectory], tuple[TrainState, Metrics]]
 
 
 def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
@@ -85,14 +84,10 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         params = params._replace(policy=held(nets, params.policy, params.feasibility, zero))
         return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
 
-    def roll_out(state: TrainState, _: Trajectory) -> Rolled:
-        _, key, _, _, key_twin, _ = jax.random.split(state.key, 6)
-        return rolled_out(nets, always, state, key, key_twin)
-
-    def learn(state: TrainState, expert: Trajectory, rolled: Rolled) -> tuple[TrainState, Metrics]:
-        key, _, key_asked, key_update, _, key_twin_update = jax.random.split(state.key, 6)
-        contrast, policy = state.adversary_opt, rolled.policy
-        learning = dearer(always, contrast.since > 0, config)
+    def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
+        key, key_rollout, key_asked, key_update, key_twin, key_twin_update = jax.random.split(state.key, 6)
+        contrast, rolled = state.adversary_opt, rolled_out(nets, always, state, key_rollout, key_twin)
+        policy, learning = rolled.policy, dearer(always, contrast.since > 0, config)
         before = nets.bind(state.params, state.obs_stats)
         bound = (contrast.since > 0).astype(jnp.float32)
 
@@ -136,7 +131,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         contrast = Contrast(weights, contrast.made, expected, near, since, twin, contrast.reach, met)
         return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
 
-    return Steps(init, Halves(roll_out, learn))
+    return Steps(init, step)
 
 
 def learning_of(nets: Networks) -> Learning:

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from aircl_jax.algorithm.learners.lagrangian import Moments, next_multiplier, observe, stats_of
 from aircl_jax.algorithm.learners.scale_free_update import Trained, make_batch, make_optimiser, update
 from aircl_jax.algorithm.masks import masked_mean
-from aircl_jax.algorithm.rollout import Halves, rollout_from
+from aircl_jax.algorithm.rollout import rollout_from
 from aircl_jax.methods import Method
 from aircl_jax.model.networks import BoundNetworks, Networks, make_networks
 from aircl_jax.settings.learner_config import LearnerConfig
@@ -63,7 +63,7 @@ class Learner(NamedTuple):
     """`init(key) -> state`, `step(state, task) -> (state, metrics)`: pure, for one seed."""
 
     init: Callable[[PRNGKeyArray], LearnerState]
-    step: Halves
+    step: Callable[[LearnerState, Task], tuple[LearnerState, Metrics]]
     nets: Networks
 
 
@@ -115,16 +115,11 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
             zero.astype(jnp.int32),
         )
 
-    def holds(state: LearnerState, task: Task) -> Bool[Array, ""]:
-        return (task.constrained > 0) | (state.step < config.release * config.iterations)
-
-    def roll_out(state: LearnerState, task: Task) -> tuple[Trajectory, tuple[Any, Array]]:
-        world, key = practised(task.motors, holds(state, task)), jax.random.split(state.key, 3)[1]
-        return practise(bound(nets, state), state.ends, state.step > 0, key, world, config)
-
-    def learn(state: LearnerState, task: Task, rolled: tuple[Trajectory, tuple[Any, Array]]) -> tuple[LearnerState, Metrics]:
-        key, _, key_update = jax.random.split(state.key, 3)
-        acting, held, (trajectories, ends) = bound(nets, state), holds(state, task), rolled
+    def step(state: LearnerState, task: Task) -> tuple[LearnerState, Metrics]:
+        key, key_rollout, key_update = jax.random.split(state.key, 3)
+        acting = bound(nets, state)
+        held = (task.constrained > 0) | (state.step < config.release * config.iterations)
+        trajectories, ends = practise(acting, state.ends, state.step > 0, key_rollout, practised(task.motors, held), config)
         reward, cost = jax.vmap(task.objective)(trajectories)
         multiplier = jnp.where(held, state.multiplier, 0.0)
         paid, spread = normalised(reward - config.temperature * trajectories.log_prob, trajectories.mask, state.spread, config)
@@ -152,7 +147,7 @@ def make_learner(env: Env, config: LearnerConfig) -> Learner:
             "std": jnp.exp(trained.policy["params"]["log_std"]).mean(),
         }
 
-    return Learner(init, Halves(roll_out, learn), nets)
+    return Learner(init, step, nets)
 
 
 def bound(nets: Networks, state: LearnerState) -> BoundNetworks:
