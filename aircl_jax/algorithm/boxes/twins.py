@@ -66,7 +66,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         ValueError: in one line, where actions are not of a bounded box, or the task ends at the horizon.
     """
     env, config = nets.env, nets.config
-    always = learning_of(nets)
+    base = learning_of(nets)
 
     def init(key: PRNGKeyArray, expert: Trajectory, stats: ObsStats) -> TrainState:
         key, key_nets, key_cost, key_world = jax.random.split(key, 4)
@@ -74,7 +74,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         params, (low, high) = with_std(nets.init(key_nets), taken, expert.mask), reached(expert)
         reach = pool.least(low), pool.greatest(high)
         world = practice_world(env, reach, config)
-        practice = practising.begin(always, params, nets.init(key_cost).value, world, key_world)
+        practice = practising.begin(base, params, nets.init(key_cost).value, world, key_world)
         own = action_limits.actions_made(taken.reshape(-1, taken.shape[-1]), expert.mask.ravel())
         made = action_limits.pooled(own, pool)
         scale, zero = state_limits.scale_of(reach, config.moments.margin), jnp.zeros(())
@@ -86,8 +86,8 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_asked, key_update, key_twin, key_twin_update = jax.random.split(state.key, 6)
-        contrast, rolled = state.adversary_opt, rolled_out(nets, always, state, key_rollout, key_twin)
-        policy, learning = rolled.policy, dearer(always, contrast.since > 0, config)
+        contrast, rolled = state.adversary_opt, rolled_out(nets, base, state, key_rollout, key_twin)
+        policy, learning = rolled.policy, dearer(base, contrast.since > 0, config)
         before = nets.bind(state.params, state.obs_stats)
         bound = (contrast.since > 0).astype(jnp.float32)
 
@@ -143,7 +143,7 @@ def learning_of(nets: Networks) -> Learning:
 
 
 def dearer(learning: Learning, later: Bool[Array, ""], config: TrainConfig) -> Learning:
-    """Charge what a stray costs by now."""
+    """The same with what a stray costs by now: more once f is chosen, when a fall forward may pay."""
     price = jnp.where(later, config.moments.stray_cost_later, config.moments.stray_cost)
     return learning._replace(config=replace(learning.config, stray_cost=price))
 
