@@ -15,7 +15,6 @@ import pytest
 
 from envs import make_env
 from envs.robots.bodies import Body
-from envs.robots.planar import dynamics
 from envs.robots.robot import ENGINES, compile_model
 from envs.robots.tasks import ROBOTS, RobotState
 
@@ -124,22 +123,6 @@ def test_fifty_open_loop_control_steps_stay_with_c_mujoco(name: str) -> None:
         deviation.append(np.abs(np.asarray(ours[0][episode]) - data.qpos).max())
     print(f"{name}: |Δqpos| after 50 steps, median {np.median(deviation):.1e}, worst {max(deviation):.1e}")
     assert np.median(deviation) <= 1e-2
-
-
-def test_every_axis_of_nested_vmaps_is_environments() -> None:
-    """Seeds × rollouts are steps of as many environments, in one call of the engine, in their own order."""
-    sizes = []
-
-    def many(qpos: jax.Array, push: jax.Array) -> tuple[jax.Array, jax.Array]:
-        sizes.append(qpos.shape)
-        return qpos + 10.0 * push, qpos * push[:1]
-
-    qpos, push = jnp.arange(24.0).reshape(2, 4, 3), jnp.arange(2.0).reshape(2, 1) + 1.0  # a push of each seed's own
-    one = dynamics._of_one(many)  # pyright: ignore[reportPrivateUsage]
-    moved, product = jax.vmap(jax.vmap(one, in_axes=(0, None)), in_axes=(0, 0))(qpos, push)
-    assert sizes[-1] == (3, 8)
-    np.testing.assert_allclose(moved, qpos + 10.0 * push[:, None])
-    np.testing.assert_allclose(product, qpos * push[:, None])
 
 
 def test_a_batch_and_derivatives_are_those_of_one_environment() -> None:
