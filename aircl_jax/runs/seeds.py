@@ -56,7 +56,7 @@ def in_groups(of: Callable[..., Any], *batched: Any) -> Any:
 
 
 def make_runner(trainer: Trainer, seeds: Sequence[int]) -> Runner:
-    """Run the trainer over all seeds: one jit, `lax.scan` over a chunk, `over_seeds` within, shards of seeds on every device.
+    """Run the trainer over all seeds: one jit, `lax.scan` over a chunk, map or `vmap` within, shards of seeds on every device.
 
     `expert` is [S, N, T, …]. Every seed has its own demonstrations, which are the same where they come from a file.
     """

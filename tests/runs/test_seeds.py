@@ -93,8 +93,11 @@ def test_one_device_is_two_devices(trainer, many, among_many, monkeypatch):
     same_to_rounding(last, last_one)
 
 
-def test_seeds_that_step_together_are_those_that_step_one_after_another(trainer, many, among_many):
+def test_seeds_that_step_together_are_those_that_step_one_after_another(trainer, many, among_many, monkeypatch):
+    one_after_another, parts = seeds.over_seeds, []
+    monkeypatch.setattr(seeds, "over_seeds", lambda of: parts.append(of) or one_after_another(of))
     first, last, _ = run(trainer._replace(together=True), range(many))
+    assert parts == [trainer.init]
     chex.assert_trees_all_equal(first, among_many[0])
     same_to_rounding(last, among_many[1])
 
