@@ -69,7 +69,7 @@ def learner_config(env: Env, *, constrained: bool = True) -> LearnerConfig:
     if env.fallen is not None:
         config = replace(FALLING, num_trajectories=max(1, STEPS // env.horizon), release=0.0 if constrained else 0.3)
         if env.limit is not None and env.limit.bounds == "actions":
-            return replace(config, cost_discount=0.0, multiplier_max=1.0)  # charged later, it is no fault of this action
+            return replace(config, cost_discount=0.0, multiplier_max=0.3)  # charged later, it is no fault of this action
         return replace(
             config,
             iterations=800,
