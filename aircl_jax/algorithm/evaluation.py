@@ -55,7 +55,7 @@ def evaluate(networks: Networks, state: TrainState, expert: Trajectory, referenc
         "occupancy_tv": occupancy_tv(nets, expert, policy),
         "log_std_at_bound": _log_std_at_bound(nets),
         **_next_codes(nets, expert, expert_scores),
-        **(_on_the_way(nets, state.adversary_opt, policy) if networks.method.has_twin else {}),
+        **(_nearness(nets, state.adversary_opt, expert, policy) if networks.method.has_twin else {}),
         **(state.adversary_opt._asdict() if networks.method.is_fitted else {}),
     }
     finite = all_finite((state.params, jnp.where(policy.mask[..., None] > 0, policy.obs, 0.0)))
@@ -76,17 +76,19 @@ def occupancy_tv(nets: BoundNetworks, expert: Trajectory, policy: Trajectory) ->
     return 0.5 * jnp.abs(histogram(expert) - histogram(policy)).sum(axis=-1).mean()
 
 
-def _on_the_way(nets: BoundNetworks, contrast: Contrast, policy: Trajectory) -> Metrics:
-    """Measure how near π's mean features came to the demonstrations', and how often it is where none of those was.
+def _nearness(nets: BoundNetworks, contrast: Contrast, expert: Trajectory, policy: Trajectory) -> Metrics:
+    """Measure how near π's mean features came and are to the demonstrations', and how often it is where none of those was.
 
     `moment_gap` is the least root mean square of E_E φ − E_k φ over the iterations k until the constraint began: π goes on by
-    what was chosen then, and may do better than it was shown. `strayed` is the share of steps with a coordinate further beyond
-    the demonstrations' range than π may stray in practice.
+    what was chosen then, and may do better than it was shown. `gap_at_end` is that of the policy as it is. `strayed` is the
+    share of its steps with a coordinate further beyond the demonstrations' range than π may stray in practice.
     """
-    gaps = jax.vmap(moments.size_of)(contrast.weights.gaps)
+    gaps = jax.vmap(moments.size_of)(contrast.weights.gaps[: -moments.LATER])
+    now = moments.mean_features(nets, expert) - moments.mean_features(nets, policy)
     least = jnp.where(gaps > 0, gaps, jnp.inf).min()
     outside = (jnp.abs(scale_of(contrast.reach, nets.config.moments.margin).of(policy.obs)) >= 1.0).any(axis=-1)
-    return {"moment_gap": least, "strayed": (outside * policy.mask).sum() / policy.mask.sum()}
+    strayed = (outside * policy.mask).sum() / policy.mask.sum()
+    return {"moment_gap": least, "gap_at_end": moments.size_of(now), "strayed": strayed}
 
 
 def _scores(nets: BoundNetworks, trajectories: Trajectory) -> Scores:

@@ -51,6 +51,12 @@ ALARMS = (
         "Train longer (iterations=), or roll out more (train.num_trajectories=)",
     ),
     Alarm(
+        "gap_at_end",
+        lambda x: x > 1.0,
+        "π has left what was demonstrated: f is no reward of the demonstrator's",
+        "Train longer (iterations=), or give more demonstrations; what f leaves out may be no feature of single coordinates",
+    ),
+    Alarm(
         "strayed",
         lambda x: x > 0.02,
         "π goes where no demonstration is, as a body that falls: there f says nothing",

@@ -13,6 +13,7 @@ from envs import Box
 
 LEAST_WEIGHT = 0.01  # of ‖θ‖: a feature about which nothing is said
 SEEDS_AGREE = 0.5  # share of the seeds that must draw a limit for it to be listed
+ROUNDING = 1e-6  # of the box: what a change of unit may move a limit by
 _OF_ACTIONS = (
     (
         "An action counts as beyond a limit where it is taken less than {share:.0%} as often as a policy of f alone would take "
@@ -66,26 +67,36 @@ def wants(result: Result) -> list[dict[str, Any]]:
     return sorted(entries, key=lambda entry: -abs(entry["weight"]))
 
 
-def beyond(result: Result, index: int, side: str, limit: float) -> tuple[float, float]:
-    """Return M and n beyond a limit of one action or coordinate, in its own unit: expected of the twin, and of D_E.
+def beyond(
+    result: Result, index: int, side: str, limit: Float[np.ndarray, " S"]
+) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, " S"]]:
+    """Return M and n of each seed beyond its limit of one action or coordinate, in its own unit: of the twin, and of D_E.
 
-    Means over seeds. M beyond a limit of a coordinate is that by which it was drawn.
+    M is of the bins that begin at the limit or further out, n of those in which more than the limit was done. M beyond a
+    limit of a coordinate is that by which it was drawn.
     """
     contrast, space = result.states.adversary_opt, result.spec.env.action_space
     if not isinstance(space, Box):
         raise TypeError(f"{result.spec.env.name} has no box of actions")
+    above = side == "above"
     if contrast.met is None:
-        edges, made, share = np.asarray(space.from_half_widths(EDGES))[None], contrast.made, contrast.expected
-        drawn = np.zeros(1)
+        made, share, drawn = contrast.made, contrast.expected, np.zeros(1)
+        outermost = (made.greatest if above else made.least)[:, index]
+        edges, furthest = np.asarray(space.from_half_widths(EDGES))[None], space.from_half_widths(outermost)
     else:
+        made, share, drawn = contrast.met.made, contrast.met.share, contrast.met.tempted[:, int(above), index]
         scale = scale_of(contrast.reach, result.spec.config.moments.margin)
-        edges = np.asarray(scale.middle[:, index, None] + scale.half[:, index, None] * EDGES)
-        made, share, drawn = contrast.met.made, contrast.met.share, contrast.met.tempted[:, int(side == "above"), index]
-    outside = edges[:, :-1] >= limit if side == "above" else edges[:, 1:] <= limit
-    done = np.asarray(made.number[:, index], float) * outside
+        outermost = (made.greatest if above else made.least)[:, index]
+        edges, furthest = (
+            np.asarray(scale.middle[:, index, None] + scale.half[:, index, None] * ends) for ends in (EDGES, outermost)
+        )
+    sign, limit = 1.0 if above else -1.0, limit[:, None]
+    rounding = ROUNDING * (edges[:, -1:] - edges[:, :1])
+    outside = sign * (edges[:, :-1] if above else edges[:, 1:]) >= sign * limit
+    exceeded = sign * np.asarray(furthest) > sign * limit + rounding
+    done = np.asarray(made.number[:, index], float) * exceeded
     expected = np.asarray(share[:, index], float) * np.asarray(made.steps, float)[:, None] * outside
-    tempted = np.where(np.asarray(drawn) > 0, drawn, expected.sum(axis=1))
-    return float(tempted.mean()), float(done.sum(axis=1).mean())
+    return np.where(np.asarray(drawn) > 0, drawn, expected.sum(axis=1)), done.sum(axis=1)
 
 
 def _limits(result: Result, limits: Limits) -> tuple[list[dict[str, Any]], list[str]]:
@@ -96,12 +107,12 @@ def _limits(result: Result, limits: Limits) -> tuple[list[dict[str, Any]], list[
             ("above", limits.upper[:, index], float(limits.greatest[index])),
             ("below", limits.lower[:, index], float(limits.least[index])),
         ):
-            known = drawn[np.isfinite(drawn)]
-            if len(known) <= SEEDS_AGREE * len(drawn):
-                untested.append(f"{name} {side} {end:.3g} ({beyond(result, index, side, end)[0]:.0f})")
-                continue
-            tempted, done = beyond(result, index, side, float(known.mean()))
-            entries.append(_entry(f"{name} {side}", known, len(drawn), tempted, done))
+            known = np.isfinite(drawn)
+            tempted, done = beyond(result, index, side, np.where(known, drawn, end))
+            if known.sum() <= SEEDS_AGREE * len(drawn):
+                untested.append(f"{name} {side} {end:.3g} ({tempted[~known].mean():.0f})")
+            else:
+                entries.append(_entry(f"{name} {side}", drawn[known], len(drawn), tempted[known].mean(), done[known].mean()))
     told = f"Not tested: {', '.join(untested)}. In brackets, how often a policy of f alone would have gone there; too rarely."
     return sorted(entries, key=lambda entry: -entry["tempted"]), [told] if untested else []
 
@@ -111,7 +122,7 @@ def _entry(what: str, known: Float[np.ndarray, " S"], seeds: int, tempted: float
         "what": what,
         "limit": float(known.mean()),
         "spread": float(known.std()),
-        "tempted": tempted,
-        "done": done,
+        "tempted": float(tempted),
+        "done": float(done),
         "how": f"n against M, in {len(known)} of {seeds} seeds",
     }

@@ -61,7 +61,7 @@ temperatures a step, in place of the obstacles), and demonstrators that lapse (a
 into obstacles too). The other contrast row learns the same."""
 ROBOTS = """Violations, after the score, are shares of timesteps. `S1` is the lift: 0 is the return under the constraint, 1 that
 of r alone; its violations are a multiple of those of r alone. Fresh policies have seeds 9000 and on (the
-walker's 9500), those without a constraint 9300 and on; a learned seed serves one fresh seed."""
+walker's 9800), those without a constraint 9300 and on; a learned seed serves one fresh seed."""
 
 
 LIMITED = """Demonstrations of experts by the learner of the swap tests, on the true reward. A limit is listed with its mean

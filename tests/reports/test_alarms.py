@@ -45,6 +45,7 @@ def test_an_alarm_names_the_seeds_that_it_rings_for():
     [
         ("untested", 1.0, 0.9, "Give more demonstrations, or ones of a task that tempts more"),
         ("moment_gap", 0.4, 0.3, "Train longer (iterations=), or roll out more (train.num_trajectories=)"),
+        ("gap_at_end", 1.1, 0.9, "Train longer (iterations=), or give more demonstrations"),
         ("strayed", 0.03, 0.01, "Train longer (iterations=)"),
         ("feasibility_expert", 0.5, 0.7, "a smaller train.coefficients.threshold flags less"),
     ],

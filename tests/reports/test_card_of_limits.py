@@ -21,6 +21,12 @@ from tests.finished_runs import untrained_robot
 RUN = untrained_robot("aircl_contrast")
 
 
+def outermost(number: np.ndarray) -> tuple[Any, Any]:
+    """Where something was done in a bin, it was done in its middle."""
+    middle = np.linspace(-1, 1, BINS + 1)[:-1] + 1 / BINS
+    return tuple(jnp.asarray(np.where(number > 0, middle, end), jnp.float32) for end in (UNLIMITED, -UNLIMITED))
+
+
 def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02))) -> Any:
     """Two seeds: f is 0.5 a standard deviation of the fourth coordinate; the front motor stops at .48 and at .5."""
     weights = np.zeros((2, 16))
@@ -32,9 +38,9 @@ def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02
     number[:, 0, 150] = 1.0  # at .67
     expected = np.full((2, 2, BINS), 1.0 / BINS)
     counts = jnp.asarray(number, jnp.float32)
-    made = Made(counts, counts, counts, jnp.full(2, 1000.0))
+    made = Made(counts, *outermost(number), jnp.full(2, 1000.0))
     nothing: Any = None
-    unused = Weights(nothing, nothing)
+    unused = Weights(nothing, nothing, nothing)
     contrast = Contrast(unused, made, jnp.asarray(expected), *[nothing] * 5)
     params = RUN.states.params._replace(
         reward={"params": {"weights": jnp.asarray(weights)}}, feasibility={"step": {"params": ends}}
@@ -53,10 +59,25 @@ def test_a_limit_is_listed_with_its_spread_what_was_expected_beyond_it_and_what_
     (never,) = card_of(known())["never"]
     assert never["what"] == "motor front above"
     assert (never["limit"], never["spread"]) == (pytest.approx(0.49), pytest.approx(0.01))
-    outside = int((np.linspace(-1, 1, BINS + 1)[:-1] >= 0.49).sum())
-    assert never["tempted"] == pytest.approx(1000.0 * outside / BINS, rel=1e-4)
+    outside = [int((np.linspace(-1, 1, BINS + 1)[:-1] >= limit).sum()) for limit in (0.48, 0.5)]  # each seed's own
+    assert never["tempted"] == pytest.approx(1000.0 * np.mean(outside) / BINS, rel=1e-4)
     assert never["done"] == 1.0
     assert never["how"] == "n against M, in 2 of 2 seeds"
+
+
+def test_what_is_done_up_to_the_limit_and_no_further_is_not_beyond_it_wherever_bins_begin():
+    run = known()
+    contrast = run.states.adversary_opt
+    number, greatest = np.asarray(contrast.made.number).copy(), np.asarray(contrast.made.greatest).copy()
+    ends = jnp.asarray([[0.5, UNLIMITED]] * 2, jnp.float32)
+    number[:, 0, 135], greatest[:, 0, 135] = 700.0, 0.5  # a motor that saturates at .5, where this bin begins
+    params = run.states.params
+    stopped = {"step": {"params": {**params.feasibility["step"]["params"], "upper": ends}}}
+    made = contrast.made._replace(number=jnp.asarray(number), greatest=jnp.asarray(greatest))
+    states = run.states._replace(params=params._replace(feasibility=stopped), adversary_opt=contrast._replace(made=made))
+    (never,) = card_of(replace(run, states=states))["never"]
+    assert never["done"] == 1.0  # at .67
+    assert never["tempted"] == pytest.approx(1000.0 * (BINS - 135) / BINS, rel=1e-4)
 
 
 def test_a_limit_of_half_of_the_seeds_is_not_listed():
@@ -115,7 +136,7 @@ def test_a_limit_of_a_state_is_listed_by_its_coordinate_with_the_m_by_which_it_w
     counts = jnp.asarray(number, jnp.float32)
     tempted = jnp.zeros((2, 2, 8)).at[:, 1, 2].set(jnp.array([600.0, 800.0]))
     share = jnp.asarray(np.full((2, 8, BINS), 1.0 / BINS), jnp.float32)
-    made, unread = Made(counts, counts, counts, jnp.full(2, 1000.0)), jnp.zeros(2)
+    made, unread = Made(counts, *outermost(number), jnp.full(2, 1000.0)), jnp.zeros(2)
     met = Met(made, share, unread, -none, none.at[:, 2].set(1 / 3), tempted, unread)  # a third of 2.4
     params = run.states.params._replace(feasibility={"step": {"params": held}})
     contrast = run.states.adversary_opt._replace(met=met, reach=reach)

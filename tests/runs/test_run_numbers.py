@@ -126,6 +126,7 @@ def test_the_row_of_each_iteration_is_its_own_and_a_whole_chunks_last_one_has_th
         ("balanced_acc", 0.65, [0.651]),
         ("untested", 0.99, [1.0]),
         ("moment_gap", 0.35, [0.351]),
+        ("gap_at_end", 1.0, [1.01]),
         ("strayed", 0.02, [0.021]),
     ],
 )
@@ -137,4 +138,4 @@ def test_an_alarm_rings_on_its_side_of_its_threshold_and_names_the_seeds(metric,
 
 
 def test_every_alarm_is_one_of_those_above():
-    assert len(ALARMS) == 11
+    assert len(ALARMS) == 12

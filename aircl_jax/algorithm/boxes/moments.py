@@ -12,18 +12,23 @@ from aircl_jax.settings.train_config import MomentConfig, TrainConfig
 from aircl_jax.types import Trajectory
 
 SOLVED = 2_000  # steps of the choice of features
+LATER = 100  # gaps that are kept of the time after it
 
 
 class Weights(NamedTuple):
-    """θ, and the gaps from which it is chosen: E_E φ − E_k φ of π in iteration k, zeros where there was none yet."""
+    """θ, and the gaps from which it is chosen: E_E φ − E_k φ of π in iteration k, zeros where there was none yet.
+
+    I: the iterations until the first choice, at most, and `LATER` in which π had left the demonstrations since.
+    """
 
     now: Float[Array, " K"]
     gaps: Float[Array, "I K"]
+    away: Float[Array, ""]  # iterations in a row in which π, paid by what was chosen, was far from the demonstrations
 
 
 def first_weights(number: int, config: TrainConfig) -> Weights:
-    """Begin with θ = 0 and room for the gap of every iteration after which the constraint may begin."""
-    return Weights(jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1, number)))
+    """Begin with θ = 0 and room for the gaps."""
+    return Weights(jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1 + LATER, number)), jnp.zeros(()))
 
 
 def next_weights(
@@ -34,11 +39,19 @@ def next_weights(
     begun: Bool[Array, ""],
     config: MomentConfig,
 ) -> Weights:
-    """Follow the gap until the constraint begins, then choose what separates all that π was, and keep it."""
-    gaps = weights.gaps.at[step].set(jnp.where(begun, 0.0, gap), mode="drop")
-    followed = following(weights.now, gap, step, config)
-    chosen = separating(gaps, followed, config, jnp.where(begins & ~begun, SOLVED, 0))
-    return Weights(jnp.where(begun, weights.now, chosen), gaps)
+    """Follow the gap until the constraint begins, then choose what separates all that π was, and keep it.
+
+    Where π, paid by what was chosen, is `far` from the demonstrations for `patience` iterations, that is no reward of theirs:
+    it is chosen anew, and the demonstrations have to be worth more than what π became of it too.
+    """
+    lost = begun & (size_of(gap) > config.far)
+    away = jnp.where(lost, weights.away + 1.0, 0.0)
+    again = away >= config.patience
+    row = jnp.where(begun, len(weights.gaps) - LATER + step % LATER, step)
+    gaps = weights.gaps.at[row].set(jnp.where(begun & ~lost, weights.gaps[row], gap))
+    kept = jnp.where(begun, weights.now, following(weights.now, gap, step, config))
+    chosen = separating(gaps, kept, config, jnp.where((begins & ~begun) | again, SOLVED, 0))
+    return Weights(chosen, gaps, jnp.where(again, 0.0, away))
 
 
 def following(

@@ -1,4 +1,4 @@
-"""How near π came to the demonstrations' mean features, and how often it is outside their range at the end."""
+"""How near π came, and is in the end, to the demonstrations' mean features, and how often it is outside their range."""
 
 from dataclasses import replace
 
@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from aircl_jax.algorithm.boxes.moments import LATER
 from aircl_jax.algorithm.evaluation import evaluate
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.algorithm.trainer import make_trainer
@@ -31,6 +32,11 @@ def test_strays_are_those_of_the_evaluated_episodes():
     assert float(measured["strayed"]) == pytest.approx(outside.mean(), abs=1e-6)
 
     assert jnp.isfinite(measured["return"])
+    stats = state.obs_stats
+    seen_by = [np.clip((values - float(stats.mean[0])) / float(stats.std[0]), -8.0, 8.0) for values in (seen, obs)]
+    means = [(values.mean(), np.minimum(values**2, 9.0).mean() / 2) for values in seen_by]
+    gap = np.subtract(*means)
+    assert float(measured["gap_at_end"]) == pytest.approx(np.sqrt((gap**2).mean()), rel=1e-4)
 
 
 def test_the_gap_is_the_least_on_the_way_and_not_that_of_a_later_policy():
@@ -38,8 +44,8 @@ def test_the_gap_is_the_least_on_the_way_and_not_that_of_a_later_policy():
     trainer = make_trainer(env, METHOD, replace(CONFIG, feasibility_delay=3))
     state = trainer.init(jax.random.key(3), expert)
     weights = state.adversary_opt.weights
-    assert weights.gaps.shape[0] == 4
-    gaps = weights.gaps.at[0].set(jnp.array([0.9, -0.7])).at[1].set(jnp.array([-0.3, 0.4]))  # and none since
+    assert weights.gaps.shape[0] == 4 + LATER
+    gaps = weights.gaps.at[0].set(jnp.array([0.9, -0.7])).at[1].set(jnp.array([-0.3, 0.4])).at[-1].set(0.1)
     state = state._replace(adversary_opt=state.adversary_opt._replace(weights=weights._replace(gaps=gaps)))
     measured = jax.jit(lambda: evaluate(trainer.networks, state, expert, expert), compiler_options=UNOPTIMISED)()
     assert float(measured["moment_gap"]) == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2), rel=1e-6)
