@@ -102,6 +102,8 @@ def beyond(
 def _limits(result: Result, limits: Limits) -> tuple[list[dict[str, Any]], list[str]]:
     entries: list[dict[str, Any]] = []
     untested: list[str] = []
+    used: list[str] = []
+    of_actions = result.states.adversary_opt.met is None
     for index, name in enumerate(limits.names):
         for side, drawn, end in (
             ("above", limits.upper[:, index], float(limits.greatest[index])),
@@ -109,12 +111,19 @@ def _limits(result: Result, limits: Limits) -> tuple[list[dict[str, Any]], list[
         ):
             known = np.isfinite(drawn)
             tempted, done = beyond(result, index, side, np.where(known, drawn, end))
-            if known.sum() <= SEEDS_AGREE * len(drawn):
-                untested.append(f"{name} {side} {end:.3g} ({tempted[~known].mean():.0f})")
-            else:
+            if known.sum() > SEEDS_AGREE * len(drawn):
                 entries.append(_entry(f"{name} {side}", drawn[known], len(drawn), tempted[known].mean(), done[known].mean()))
-    told = f"Not tested: {', '.join(untested)}. In brackets, how often a policy of f alone would have gone there; too rarely."
-    return sorted(entries, key=lambda entry: -entry["tempted"]), [told] if untested else []
+            elif of_actions and _is_end_of(result.spec.env.action_space, side, end):
+                used.append(f"{name} {side}")
+            else:
+                untested.append(f"{name} {side} {end:.3g} ({tempted[~known].mean():.0f})")
+    told = [f"Not tested: {', '.join(untested)}. In brackets, how often a policy of f alone would have gone there; too rarely."]
+    ends = [f"Done to the end of what is possible: {', '.join(used)}. No limit can lie beyond."]
+    return sorted(entries, key=lambda entry: -entry["tempted"]), (told if untested else []) + (ends if used else [])
+
+
+def _is_end_of(space: Any, side: str, end: float) -> bool:
+    return abs(end - (space.high if side == "above" else space.low)) <= ROUNDING * (space.high - space.low)
 
 
 def _entry(what: str, known: Float[np.ndarray, " S"], seeds: int, tempted: float, done: float) -> dict[str, Any]:

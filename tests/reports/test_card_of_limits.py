@@ -21,10 +21,10 @@ from tests.finished_runs import untrained_robot
 RUN = untrained_robot("aircl_contrast")
 
 
-def outermost(number: np.ndarray) -> tuple[Any, Any]:
+def outermost(number: np.ndarray, elsewhere: float) -> Any:
     """Where something was done in a bin, it was done in its middle."""
     middle = np.linspace(-1, 1, BINS + 1)[:-1] + 1 / BINS
-    return tuple(jnp.asarray(np.where(number > 0, middle, end), jnp.float32) for end in (UNLIMITED, -UNLIMITED))
+    return jnp.asarray(np.where(number > 0, middle, elsewhere), jnp.float32)
 
 
 def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02))) -> Any:
@@ -38,14 +38,15 @@ def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02
     number[:, 0, 150] = 1.0  # at .67
     expected = np.full((2, 2, BINS), 1.0 / BINS)
     counts = jnp.asarray(number, jnp.float32)
-    made = Made(counts, *outermost(number), jnp.full(2, 1000.0))
+    made = Made(counts, outermost(number, UNLIMITED), outermost(number, -UNLIMITED), jnp.full(2, 1000.0))
     nothing: Any = None
     unused = Weights(nothing, nothing, nothing)
     contrast = Contrast(unused, made, jnp.asarray(expected), *[nothing] * 5)
     params = RUN.states.params._replace(
         reward={"params": {"weights": jnp.asarray(weights)}}, feasibility={"step": {"params": ends}}
     )
-    return replace(RUN, states=RUN.states._replace(params=params, adversary_opt=contrast))
+    expert = RUN.expert._replace(action=jnp.clip(RUN.expert.action, -0.9, 0.9))
+    return replace(RUN, expert=expert, states=RUN.states._replace(params=params, adversary_opt=contrast))
 
 
 def test_what_is_wanted_is_named_with_its_weight_and_trifles_are_left_out():
@@ -93,6 +94,17 @@ def test_what_was_never_tested_is_said_with_how_often_it_would_have_been_done():
     assert "motor front above" not in untested
 
 
+def test_a_side_on_which_the_demonstrations_reach_the_end_of_the_box_is_neither_limited_nor_untested():
+    run = known()
+    action = np.asarray(run.expert.action).copy()
+    action[:, 0, 0] = (1.0, -1.3)  # of the second the world takes -1; of the first more is done than its limit, once
+    card = card_of(replace(run, expert=run.expert._replace(action=jnp.asarray(action))))
+    untested, used, *_ = card["cannot_tell"]
+    assert "motor front above" in [entry["what"] for entry in card["never"]]
+    assert used == "Done to the end of what is possible: motor rear below. No limit can lie beyond."
+    assert "motor rear below" not in untested and "motor rear above" in untested
+
+
 def test_limits_are_read_where_the_row_has_them():
     limits = recovered_limits(known())
     assert limits is not None
@@ -136,7 +148,7 @@ def test_a_limit_of_a_state_is_listed_by_its_coordinate_with_the_m_by_which_it_w
     counts = jnp.asarray(number, jnp.float32)
     tempted = jnp.zeros((2, 2, 8)).at[:, 1, 2].set(jnp.array([600.0, 800.0]))
     share = jnp.asarray(np.full((2, 8, BINS), 1.0 / BINS), jnp.float32)
-    made, unread = Made(counts, *outermost(number), jnp.full(2, 1000.0)), jnp.zeros(2)
+    made, unread = Made(counts, outermost(number, UNLIMITED), outermost(number, -UNLIMITED), jnp.full(2, 1000.0)), jnp.zeros(2)
     met = Met(made, share, unread, -none, none.at[:, 2].set(1 / 3), tempted, unread)  # a third of 2.4
     params = run.states.params._replace(feasibility={"step": {"params": held}})
     contrast = run.states.adversary_opt._replace(met=met, reach=reach)
