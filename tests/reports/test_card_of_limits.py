@@ -40,8 +40,8 @@ def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02
     counts = jnp.asarray(number, jnp.float32)
     made = Made(counts, outermost(number, UNLIMITED), outermost(number, -UNLIMITED), jnp.full(2, 1000.0))
     nothing: Any = None
-    unused = Weights(nothing, nothing, nothing)
-    contrast = Contrast(unused, made, jnp.asarray(expected), *[nothing] * 5)
+    unused = Weights(*[nothing] * 4)
+    contrast = Contrast(unused, made, jnp.asarray(expected), *[nothing] * 6)
     params = RUN.states.params._replace(
         reward={"params": {"weights": jnp.asarray(weights)}}, feasibility={"step": {"params": ends}}
     )

@@ -24,11 +24,14 @@ class Weights(NamedTuple):
     now: Float[Array, " K"]
     gaps: Float[Array, "I K"]
     away: Float[Array, ""]  # iterations in a row in which π, paid by what was chosen, was far from the demonstrations
+    again: Bool[Array, ""]  # whether it was chosen anew in this iteration
 
 
 def first_weights(number: int, config: TrainConfig) -> Weights:
     """Begin with θ = 0 and room for the gaps."""
-    return Weights(jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1 + LATER, number)), jnp.zeros(()))
+    return Weights(
+        jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1 + LATER, number)), jnp.zeros(()), jnp.zeros((), bool)
+    )
 
 
 def next_weights(
@@ -51,7 +54,7 @@ def next_weights(
     gaps = weights.gaps.at[row].set(jnp.where(begun & ~lost, weights.gaps[row], gap))
     kept = jnp.where(begun, weights.now, following(weights.now, gap, step, config))
     chosen = separating(gaps, kept, config, jnp.where((begins & ~begun) | again, SOLVED, 0))
-    return Weights(chosen, gaps, jnp.where(again, 0.0, away))
+    return Weights(chosen, gaps, jnp.where(again, 0.0, away), again)
 
 
 def following(

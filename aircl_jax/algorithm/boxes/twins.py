@@ -44,7 +44,8 @@ class Contrast(NamedTuple):
 
     weights: moments.Weights
     made: action_limits.Made  # over all tasks, as M
-    expected: Float[Array, "A B"]  # M / steps of actions: mean over all iterations so far
+    expected: Float[Array, "A B"]  # M / steps of actions: mean over all iterations so far, or since f was chosen anew
+    counted: Float[Array, ""]  # their number
     near: Float[Array, ""]  # iterations in a row in which the means had nearly met
     since: Float[Array, ""]  # iterations since the constraint and the twin began
     twin: Practice
@@ -80,13 +81,14 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         scale, zero = state_limits.scale_of(reach, config.moments.margin), jnp.zeros(())
         met = state_limits.begin(expert, scale, pool) if nets.feasibility_sees_state else None
         weights = moments.first_weights(params.reward["params"]["weights"].size, config)
-        contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, practice, reach, met)
+        contrast = Contrast(weights, made, jnp.zeros_like(made.number), zero, zero, zero, practice, reach, met)
         params = params._replace(policy=held(nets, params.policy, params.feasibility, zero))
         return TrainState(params, practice, contrast, stats, _NO_REPLAY, key, jnp.zeros((), jnp.int32))
 
     def step(state: TrainState, expert: Trajectory) -> tuple[TrainState, Metrics]:
         key, key_rollout, key_asked, key_update, key_twin, key_twin_update = jax.random.split(state.key, 6)
-        contrast, rolled = state.adversary_opt, rolled_out(nets, base, state, key_rollout, key_twin)
+        contrast: Contrast = state.adversary_opt
+        rolled = rolled_out(nets, base, state, key_rollout, key_twin)
         policy, learning = rolled.policy, dearer(base, contrast.since > 0, config)
         before = nets.bind(state.params, state.obs_stats)
         bound = (contrast.since > 0).astype(jnp.float32)
@@ -96,8 +98,9 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         begun = contrast.since > 0
         began = begun | (near >= LASTING) | (state.step >= config.feasibility_delay)
         weights = moments.next_weights(contrast.weights, gap, state.step, began, begun, config.moments)
+        contrast = forgotten(contrast, ~pool.every(~weights.again))
         share = pool.mean(asked_of(practising.acting(before, contrast.twin), expert, key_asked), expert.mask.sum())
-        expected = contrast.expected + (share - contrast.expected) / (state.step + 1.0)
+        expected = contrast.expected + (share - contrast.expected) / (contrast.counted + 1.0)
         feasibility = limited(nets, contrast._replace(expected=expected), state.obs_stats)
         params = state.params._replace(reward={"params": {"weights": weights.now}}, feasibility=feasibility)
         params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert, pool)
@@ -128,10 +131,20 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         }
         metrics[FINITE] = all_finite((params, losses, policy.obs)).astype(jnp.float32)
         since, met = contrast.since + began, met_by(contrast, tempted, config, pool, expert.mask.sum())
-        contrast = Contrast(weights, contrast.made, expected, near, since, twin, contrast.reach, met)
+        counted = contrast.counted + 1.0
+        contrast = Contrast(weights, contrast.made, expected, counted, near, since, twin, contrast.reach, met)
         return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
 
     return Steps(init, step)
+
+
+def forgotten(contrast: Contrast, again: Bool[Array, ""]) -> Contrast:
+    """Without what twins of another f did, where one was chosen `again`: that is no evidence of a limit."""
+    met = contrast.met
+    if met is not None:
+        met = jax.tree.map(lambda new, old: jnp.where(again, new, old), state_limits.anew(met), met)
+    kept = 1.0 - again
+    return contrast._replace(expected=kept * contrast.expected, counted=kept * contrast.counted, met=met)
 
 
 def learning_of(nets: Networks) -> Learning:

@@ -34,8 +34,8 @@ def test_strays_are_those_of_the_evaluated_episodes():
     assert jnp.isfinite(measured["return"])
     stats = state.obs_stats
     seen_by = [np.clip((values - float(stats.mean[0])) / float(stats.std[0]), -8.0, 8.0) for values in (seen, obs)]
-    means = [(values.mean(), np.minimum(values**2, 9.0).mean() / 2) for values in seen_by]
-    gap = np.subtract(*means)
+    demonstrated, done = (np.array([values.mean(), np.minimum(values**2, 9.0).mean() / 2]) for values in seen_by)
+    gap = demonstrated - done
     assert float(measured["gap_at_end"]) == pytest.approx(np.sqrt((gap**2).mean()), rel=1e-4)
 
 
