@@ -80,15 +80,17 @@ def _nearness(nets: BoundNetworks, contrast: Contrast, expert: Trajectory, polic
     """Measure how near π's mean features came and are to the demonstrations', and how often it is where none of those was.
 
     `moment_gap` is the least root mean square of E_E φ − E_k φ over the iterations k until the constraint began: π goes on by
-    what was chosen then, and may do better than it was shown. `gap_at_end` is that of the policy as it is. `strayed` is the
-    share of its steps with a coordinate further beyond the demonstrations' range than π may stray in practice.
+    what was chosen then, and may do better than it was shown. `gap_at_end` is that of the policy as it is, `rechosen` how
+    often f was chosen anew, `strayed` the share of the policy's steps with a coordinate further beyond the demonstrations'
+    range than π may stray in practice.
     """
-    gaps = jax.vmap(moments.size_of)(contrast.weights.gaps[: -moments.LATER])
+    gaps = jax.vmap(moments.size_of)(contrast.weights.gaps[: -moments.LATER_GAPS])
     now = moments.mean_features(nets, expert) - moments.mean_features(nets, policy)
     least = jnp.where(gaps > 0, gaps, jnp.inf).min()
     outside = (jnp.abs(scale_of(contrast.reach, nets.config.moments.margin).of(policy.obs)) >= 1.0).any(axis=-1)
     strayed = (outside * policy.mask).sum() / policy.mask.sum()
-    return {"moment_gap": least, "gap_at_end": moments.size_of(now), "strayed": strayed}
+    rechosen = contrast.weights.rechosen
+    return {"moment_gap": least, "gap_at_end": moments.size_of(now), "rechosen": rechosen, "strayed": strayed}
 
 
 def _scores(nets: BoundNetworks, trajectories: Trajectory) -> Scores:

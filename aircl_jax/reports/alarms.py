@@ -53,7 +53,7 @@ ALARMS = (
     Alarm(
         "gap_at_end",
         lambda x: x > 1.0,
-        "π has left what was demonstrated: f is no reward of the demonstrator's",
+        "π is far from what was demonstrated: f is no reward of the demonstrator's",
         "Train longer (iterations=), or give more demonstrations; what f leaves out may be no feature of single coordinates",
     ),
     Alarm(

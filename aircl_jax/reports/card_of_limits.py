@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from aircl_jax.algorithm.boxes.action_limits import EDGES
 from aircl_jax.algorithm.boxes.state_limits import scale_of
-from aircl_jax.analysis.recovered_limits import Limits, recovered_limits
+from aircl_jax.analysis.recovered_limits import LAPSES, Limits, demonstrated_steps, recovered_limits
 from aircl_jax.runs.result import Result
 from envs import Box
 
@@ -92,7 +92,7 @@ def beyond(
         )
     sign, limit = 1.0 if above else -1.0, limit[:, None]
     rounding = ROUNDING * (edges[:, -1:] - edges[:, :1])
-    outside = sign * (edges[:, :-1] if above else edges[:, 1:]) >= sign * limit
+    outside = sign * (edges[:, :-1] if above else edges[:, 1:]) >= sign * limit - rounding
     exceeded = sign * np.asarray(furthest) > sign * limit + rounding
     done = np.asarray(made.number[:, index], float) * exceeded
     expected = np.asarray(share[:, index], float) * np.asarray(made.steps, float)[:, None] * outside
@@ -113,7 +113,7 @@ def _limits(result: Result, limits: Limits) -> tuple[list[dict[str, Any]], list[
             tempted, done = beyond(result, index, side, np.where(known, drawn, end))
             if known.sum() > SEEDS_AGREE * len(drawn):
                 entries.append(_entry(f"{name} {side}", drawn[known], len(drawn), tempted[known].mean(), done[known].mean()))
-            elif of_actions and _is_end_of(result.spec.env.action_space, side, end):
+            elif of_actions and _is_used_to_the_end(result, index, side):
                 used.append(f"{name} {side}")
             else:
                 untested.append(f"{name} {side} {end:.3g} ({tempted[~known].mean():.0f})")
@@ -122,8 +122,12 @@ def _limits(result: Result, limits: Limits) -> tuple[list[dict[str, Any]], list[
     return sorted(entries, key=lambda entry: -entry["tempted"]), (told if untested else []) + (ends if used else [])
 
 
-def _is_end_of(space: Any, side: str, end: float) -> bool:
-    return abs(end - (space.high if side == "above" else space.low)) <= ROUNDING * (space.high - space.low)
+def _is_used_to_the_end(result: Result, index: int, side: str) -> bool:
+    """Whether the demonstrations do what is most possible on this side more often than by lapses."""
+    space: Any = result.spec.env.action_space
+    done = demonstrated_steps(result)[:, result.spec.env.obs_size + index]
+    end = space.high if side == "above" else space.low
+    return bool((np.abs(done - end) <= ROUNDING * (space.high - space.low)).mean() > LAPSES)
 
 
 def _entry(what: str, known: Float[np.ndarray, " S"], seeds: int, tempted: float, done: float) -> dict[str, Any]:

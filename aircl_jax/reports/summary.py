@@ -51,7 +51,8 @@ ANIMAL_MEANINGS = {  # of recorded animals: aircl_jax.algorithm.learners.likelih
 }
 LIMIT_MEANINGS = {  # of rows with a twin: aircl_jax.algorithm.boxes
     "moment_gap": "least root mean square of E_E φ − E_π φ until the constraint began, in demonstrated standard deviations",
-    "gap_at_end": "the same of the policy as it is in the end",
+    "gap_at_end": "root mean square of E_E φ − E_π φ of the final policy, on fresh episodes",
+    "rechosen": "how often f was chosen anew, because π had left the demonstrations by it",
     "strayed": "share of the policy's steps beyond the demonstrations' range by more than it may stray in practice",
     "untested": "share of the limits of which none was drawn",
 }

@@ -70,7 +70,9 @@ def load(path: Path, like: T) -> T:
     names, leaves, structure = _names_and_leaves(like)
     shapes = {name: leaf.shape for name, leaf in zip(names, jax.eval_shape(_raw_all, leaves), strict=True)}
     if {name: array.shape for name, array in arrays.items()} != shapes:
-        raise ValueError(f"the checkpoint {path} is of another version; use overwrite=true to start again")
+        raise ValueError(
+            f"the checkpoint {path} is of another version; read it with the one that wrote it, or train anew (overwrite=true)"
+        )
     restored = [_typed(arrays[name], leaf.dtype) for name, leaf in zip(names, leaves, strict=True)]
     return jax.tree.unflatten(structure, restored)
 

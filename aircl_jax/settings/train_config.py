@@ -71,7 +71,7 @@ class MomentConfig:
     multiplier_init: Scalar = 0.3  # λ when the constraint begins
     multiplier_rate: Scalar = 0.03  # of log λ an iteration; the greatest and d are the learner's
     near: Scalar = 0.175  # root mean square of the gap under which the means have nearly met: constraint and twin begin
-    far: Scalar = 1.0  # the same above which π, paid by the chosen f, has left the demonstrations
+    far: Scalar = 1.0  # the same above which π, paid by the chosen f, is far from the demonstrations
     patience: int = 25  # iterations in a row of that after which f is chosen anew
 
 

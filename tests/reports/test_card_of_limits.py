@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def known(upper=((0.48, UNLIMITED), (0.5, UNLIMITED)), theta=((3, 0.5), (8, 0.02
     counts = jnp.asarray(number, jnp.float32)
     made = Made(counts, outermost(number, UNLIMITED), outermost(number, -UNLIMITED), jnp.full(2, 1000.0))
     nothing: Any = None
-    unused = Weights(*[nothing] * 4)
+    unused = Weights(*[nothing] * 5)
     contrast = Contrast(unused, made, jnp.asarray(expected), *[nothing] * 6)
     params = RUN.states.params._replace(
         reward={"params": {"weights": jnp.asarray(weights)}}, feasibility={"step": {"params": ends}}
@@ -66,19 +67,22 @@ def test_a_limit_is_listed_with_its_spread_what_was_expected_beyond_it_and_what_
     assert never["how"] == "n against M, in 2 of 2 seeds"
 
 
-def test_what_is_done_up_to_the_limit_and_no_further_is_not_beyond_it_wherever_bins_begin():
-    run = known()
-    contrast = run.states.adversary_opt
-    number, greatest = np.asarray(contrast.made.number).copy(), np.asarray(contrast.made.greatest).copy()
-    ends = jnp.asarray([[0.5, UNLIMITED]] * 2, jnp.float32)
-    number[:, 0, 135], greatest[:, 0, 135] = 700.0, 0.5  # a motor that saturates at .5, where this bin begins
-    params = run.states.params
-    stopped = {"step": {"params": {**params.feasibility["step"]["params"], "upper": ends}}}
-    made = contrast.made._replace(number=jnp.asarray(number), greatest=jnp.asarray(greatest))
-    states = run.states._replace(params=params._replace(feasibility=stopped), adversary_opt=contrast._replace(made=made))
+@pytest.mark.parametrize(("limit", "at"), [(0.5, 135), (-0.3, 62)])
+def test_what_is_done_up_to_the_limit_and_no_further_is_not_beyond_it_wherever_bins_begin(limit, at):
+    """A motor that saturates where a bin begins or ends; in float32 the edge at −.3 is a little above it."""
+    run, above = known(), limit > 0
+    contrast, side = run.states.adversary_opt, "upper" if limit > 0 else "lower"
+    number, none = np.zeros((2, 2, BINS)), UNLIMITED if above else -UNLIMITED
+    number[:, 0, at], number[:, 0, 150 if above else 20] = 700.0, 1.0
+    ends = {"upper": jnp.full((2, 2), UNLIMITED), "lower": jnp.full((2, 2), -UNLIMITED)}
+    ends[side] = jnp.asarray([[limit, none]] * 2, jnp.float32)
+    furthest = outermost(number, -none).at[:, 0, at].set(limit)
+    made = contrast.made._replace(number=jnp.asarray(number), **{"greatest" if above else "least": furthest})
+    params = run.states.params._replace(feasibility={"step": {"params": ends}})
+    states = run.states._replace(params=params, adversary_opt=contrast._replace(made=made))
     (never,) = card_of(replace(run, states=states))["never"]
-    assert never["done"] == 1.0  # at .67
-    assert never["tempted"] == pytest.approx(1000.0 * (BINS - 135) / BINS, rel=1e-4)
+    assert never["done"] == 1.0
+    assert never["tempted"] == pytest.approx(1000.0 * (BINS - 135 if above else 63) / BINS, rel=1e-4)
 
 
 def test_a_limit_of_half_of_the_seeds_is_not_listed():
@@ -94,15 +98,21 @@ def test_what_was_never_tested_is_said_with_how_often_it_would_have_been_done():
     assert "motor front above" not in untested
 
 
-def test_a_side_on_which_the_demonstrations_reach_the_end_of_the_box_is_neither_limited_nor_untested():
+def test_a_side_that_is_used_to_its_end_is_neither_limited_nor_untested_and_a_lapse_is_no_use():
     run = known()
-    action = np.asarray(run.expert.action).copy()
-    action[:, 0, 0] = (1.0, -1.3)  # of the second the world takes -1; of the first more is done than its limit, once
-    card = card_of(replace(run, expert=run.expert._replace(action=jnp.asarray(action))))
-    untested, used, *_ = card["cannot_tell"]
+    expert = jax.tree.map(lambda leaf: jnp.repeat(leaf, 100, axis=1), run.expert)
+    action = np.asarray(expert.action).copy()
+    steps = np.argwhere(np.asarray(expert.mask[0]) > 0)
+    used = len(steps) // 50  # 2 %
+    for episode, t in steps[:used]:
+        action[:, episode, t] = (1.0, -1.3)  # of the second the world takes -1; of the first it is beyond what is drawn
+    action[:, steps[used][0], steps[used][1], 1] = 1.0  # once
+    card = card_of(replace(run, expert=expert._replace(action=jnp.asarray(action))))
+    untested, told, *_ = card["cannot_tell"]
+    assert used >= 1 and 1 / len(steps) < 0.01
     assert "motor front above" in [entry["what"] for entry in card["never"]]
-    assert used == "Done to the end of what is possible: motor rear below. No limit can lie beyond."
-    assert "motor rear below" not in untested and "motor rear above" in untested
+    assert told == "Done to the end of what is possible: motor rear below. No limit can lie beyond."
+    assert "motor rear below" not in untested and "motor rear above 1 " in untested
 
 
 def test_limits_are_read_where_the_row_has_them():

@@ -12,26 +12,26 @@ from aircl_jax.settings.train_config import MomentConfig, TrainConfig
 from aircl_jax.types import Trajectory
 
 SOLVED = 2_000  # steps of the choice of features
-LATER = 100  # gaps that are kept of the time after it
+LATER_GAPS = 100  # of the time after it
 
 
 class Weights(NamedTuple):
     """θ, and the gaps from which it is chosen: E_E φ − E_k φ of π in iteration k, zeros where there was none yet.
 
-    I: the iterations until the first choice, at most, and `LATER` in which π had left the demonstrations since.
+    I: the iterations until the first choice, at most, and the last `LATER_GAPS` since then in which π was far from them.
     """
 
     now: Float[Array, " K"]
     gaps: Float[Array, "I K"]
     away: Float[Array, ""]  # iterations in a row in which π, paid by what was chosen, was far from the demonstrations
-    again: Bool[Array, ""]  # whether it was chosen anew in this iteration
+    all_away: Float[Array, ""]  # all such iterations
+    rechosen: Float[Array, ""]  # how often θ was chosen anew
 
 
 def first_weights(number: int, config: TrainConfig) -> Weights:
     """Begin with θ = 0 and room for the gaps."""
-    return Weights(
-        jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1 + LATER, number)), jnp.zeros(()), jnp.zeros((), bool)
-    )
+    zero = jnp.zeros(())
+    return Weights(jnp.zeros(number), jnp.zeros((config.feasibility_delay + 1 + LATER_GAPS, number)), zero, zero, zero)
 
 
 def next_weights(
@@ -40,21 +40,24 @@ def next_weights(
     step: Int[Array, ""],
     begins: Bool[Array, ""],
     begun: Bool[Array, ""],
+    early: Bool[Array, ""],
     config: MomentConfig,
 ) -> Weights:
     """Follow the gap until the constraint begins, then choose what separates all that π was, and keep it.
 
     Where π, paid by what was chosen, is `far` from the demonstrations for `patience` iterations, that is no reward of theirs:
-    it is chosen anew, and the demonstrations have to be worth more than what π became of it too.
+    it is chosen anew, and the demonstrations have to be worth more than what π became of it too. That is done while it is
+    `early` enough for π to learn it.
     """
     lost = begun & (size_of(gap) > config.far)
     away = jnp.where(lost, weights.away + 1.0, 0.0)
-    again = away >= config.patience
-    row = jnp.where(begun, len(weights.gaps) - LATER + step % LATER, step)
+    again = early & (away >= config.patience)
+    later = len(weights.gaps) - LATER_GAPS + weights.all_away.astype(jnp.int32) % LATER_GAPS
+    row = jnp.where(begun, later, step)
     gaps = weights.gaps.at[row].set(jnp.where(begun & ~lost, weights.gaps[row], gap))
     kept = jnp.where(begun, weights.now, following(weights.now, gap, step, config))
     chosen = separating(gaps, kept, config, jnp.where((begins & ~begun) | again, SOLVED, 0))
-    return Weights(chosen, gaps, jnp.where(again, 0.0, away), again)
+    return Weights(chosen, gaps, jnp.where(again, 0.0, away), weights.all_away + lost, weights.rechosen + again)
 
 
 def following(
@@ -84,8 +87,8 @@ def separating(
     a manner of the demonstrator is not of that, for π had it early. `otherwise` where no π was unlike them, or after 0 steps,
     which cost nothing: under `vmap` too, as long as no seed takes any.
     """
-    far = (jax.vmap(size_of)(gaps) > config.near).astype(jnp.float32)
-    rows = gaps * far[:, None]
+    unlike = (jax.vmap(size_of)(gaps) > config.near).astype(jnp.float32)
+    rows = gaps * unlike[:, None]
     steepest = jnp.abs(rows.T @ rows).sum(axis=0).max()  # at least the greatest curvature
     rate = 1.0 / jnp.maximum(steepest, 1e-12)
     penalty = config.selection * jnp.abs(rows.sum(axis=0)).max()

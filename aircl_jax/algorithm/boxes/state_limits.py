@@ -59,8 +59,8 @@ def begin(expert: Trajectory, scale: Scale, pool: Pool) -> Met:
     return Met(made, jnp.zeros_like(made.number), zero, -none, none, jnp.zeros((2, obs.shape[-1])), zero)
 
 
-def anew(met: Met) -> Met:
-    """Forget what the twin met, and the limits that it drew."""
+def reset(met: Met) -> Met:
+    """Keep n alone: no twin has met anything, and no limit is drawn."""
     return Met(met.made, *jax.tree.map(jnp.zeros_like, met[1:]))._replace(
         lower=jnp.full_like(met.lower, -UNLIMITED), upper=jnp.full_like(met.upper, UNLIMITED)
     )

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from aircl_jax.algorithm.boxes import action_limits, moments, state_limits
 from aircl_jax.algorithm.boxes.practice_rollouts import box_of, motor_limits, practice_world, reached, rolled_out
@@ -35,6 +35,7 @@ WIDER = 1.7  # σ of the first policy, in standard deviations of the demonstrate
 MOST_CHARGED = 10.0  # of a step, where the line is 1
 MOST_STRAYS = 0.2  # a rollout, where motors stop at the limits whatever is charged
 AT_FIRST = 1.0 / 30.0  # share of λ to begin with, there too
+STILL_LEARNS = 0.8  # share of the iterations until the learning rate is 0, after which f is not chosen anew
 LASTING = 10  # iterations in a row in which the means have nearly met, so that it is no chance
 _NO_REPLAY: Any = None  # no term of the row has negatives
 
@@ -45,7 +46,7 @@ class Contrast(NamedTuple):
     weights: moments.Weights
     made: action_limits.Made  # over all tasks, as M
     expected: Float[Array, "A B"]  # M / steps of actions: mean over all iterations so far, or since f was chosen anew
-    counted: Float[Array, ""]  # their number
+    num_averaged: Float[Array, ""]  # their number
     near: Float[Array, ""]  # iterations in a row in which the means had nearly met
     since: Float[Array, ""]  # iterations since the constraint and the twin began
     twin: Practice
@@ -97,10 +98,13 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
         near = (contrast.near + 1.0) * (moments.size_of(gap) < config.moments.near)
         begun = contrast.since > 0
         began = begun | (near >= LASTING) | (state.step >= config.feasibility_delay)
-        weights = moments.next_weights(contrast.weights, gap, state.step, began, begun, config.moments)
-        contrast = forgotten(contrast, ~pool.every(~weights.again))
+        weights = moments.next_weights(
+            contrast.weights, gap, state.step, began, begun, learns(state.step, config), config.moments
+        )
+        # What twins of another f did is no evidence of a limit: where f is chosen anew, M and twins begin anew, in all tasks.
+        kept = pool.every(weights.rechosen == contrast.weights.rechosen)
         share = pool.mean(asked_of(practising.acting(before, contrast.twin), expert, key_asked), expert.mask.sum())
-        expected = contrast.expected + (share - contrast.expected) / (contrast.counted + 1.0)
+        expected, num_averaged = averaged(contrast, share, kept)
         feasibility = limited(nets, contrast._replace(expected=expected), state.obs_stats)
         params = state.params._replace(reward={"params": {"weights": weights.now}}, feasibility=feasibility)
         params, expert_log_delta = calibrated(nets.bind(params, state.obs_stats), expert, pool)
@@ -115,7 +119,8 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
             pay, nothing = jax.vmap(after.f)(tempted), jnp.zeros_like(tempted.mask)
             return practising.learn(learning, before, twin, tempted, pay, nothing, jnp.zeros(()), key_twin_update)[0], tempted
 
-        twin, tempted = jax.lax.cond(contrast.since > 0, alone, lambda *_: (new, policy), rolled.twin, rolled.tempted)
+        goes_on = kept & (contrast.since > 0)
+        twin, tempted = jax.lax.cond(goes_on, alone, lambda *_: (new, policy), rolled.twin, rolled.tempted)
         policy_params = held(nets, new.trained.policy, params.feasibility, (contrast.since + began > 0).astype(jnp.float32))
         params = params._replace(policy=policy_params, value=new.trained.value)
         done = policy if nets.feasibility_sees_state else policy._replace(action=jnp.clip(policy.action, *motor_limits(before)))
@@ -123,6 +128,7 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
             **step_metrics(env, done, done, trajectory_feasibility(after, done), expert_log_delta),
             **losses,
             "moment_gap": moments.size_of(gap),
+            "rechosen": weights.rechosen,
             "multiplier": new.multiplier,
             "constrained": bound,
             "strays": falls(policy.mask).sum(axis=1).mean(),
@@ -130,21 +136,17 @@ def make_steps(nets: Networks, pool: Pool = ALONE) -> Steps:
             "twin_violation_rate": (tempted.cost * tempted.mask).sum() / tempted.mask.sum(),
         }
         metrics[FINITE] = all_finite((params, losses, policy.obs)).astype(jnp.float32)
-        since, met = contrast.since + began, met_by(contrast, tempted, config, pool, expert.mask.sum())
-        counted = contrast.counted + 1.0
-        contrast = Contrast(weights, contrast.made, expected, counted, near, since, twin, contrast.reach, met)
+        met = met_by(contrast, tempted, kept, config, pool, expert.mask.sum())
+        since = contrast.since + began
+        contrast = Contrast(weights, contrast.made, expected, num_averaged, near, since, twin, contrast.reach, met)
         return TrainState(params, new, contrast, state.obs_stats, _NO_REPLAY, key, state.step + 1), metrics
 
     return Steps(init, step)
 
 
-def forgotten(contrast: Contrast, again: Bool[Array, ""]) -> Contrast:
-    """Without what twins of another f did, where one was chosen `again`: that is no evidence of a limit."""
-    met = contrast.met
-    if met is not None:
-        met = jax.tree.map(lambda new, old: jnp.where(again, new, old), state_limits.anew(met), met)
-    kept = 1.0 - again
-    return contrast._replace(expected=kept * contrast.expected, counted=kept * contrast.counted, met=met)
+def learns(step: Int[Array, ""], config: TrainConfig) -> Bool[Array, ""]:
+    """Whether π still learns fast enough to follow another f."""
+    return jnp.asarray(not config.lr_decay_iterations) | (step < STILL_LEARNS * config.lr_decay_iterations)
 
 
 def learning_of(nets: Networks) -> Learning:
@@ -199,16 +201,27 @@ def asked_of(nets: BoundNetworks, expert: Trajectory, key: PRNGKeyArray) -> Floa
     return action_limits.share_expected(mean, jnp.exp(nets.params.policy["params"]["log_std"]), taken, asked.mask.ravel())
 
 
+def averaged(
+    contrast: Contrast, share: Float[Array, "A B"], kept: Bool[Array, ""]
+) -> tuple[Float[Array, "A B"], Float[Array, ""]]:
+    """The mean of M's share over this iteration too, and how many there are; nothing yet where f was not `kept`."""
+    number = kept * (contrast.num_averaged + 1.0)
+    return kept * (contrast.expected + (share - contrast.expected) / jnp.maximum(number, 1.0)), number
+
+
 def met_by(
-    contrast: Contrast, twin: Trajectory, config: TrainConfig, pool: Pool, steps: Float[Array, ""]
+    contrast: Contrast, twin: Trajectory, kept: Bool[Array, ""], config: TrainConfig, pool: Pool, steps: Float[Array, ""]
 ) -> state_limits.Met | None:
-    """What states were met, with those of this iteration's twins once each task's goes its own way; `steps` are of D_E."""
+    """What states were met, with those of this iteration's twins once each task's goes its own way; `steps` are of D_E.
+
+    Where f was not `kept`, nothing was met so far.
+    """
     if contrast.met is None:
         return None
     scale = state_limits.scale_of(contrast.reach, config.moments.margin)
     later = state_limits.next_limits(contrast.met, twin, scale, config.coefficients, pool, steps)
-    alone = pool.every(contrast.since > 0)
-    return jax.tree.map(lambda new, old: jnp.where(alone, new, old), later, contrast.met)
+    alone, nothing = pool.every(contrast.since > 0), state_limits.reset(contrast.met)
+    return jax.tree.map(lambda new, old, none: jnp.where(kept, jnp.where(alone, new, old), none), later, contrast.met, nothing)
 
 
 def limited(nets: Networks, contrast: Contrast, stats: ObsStats) -> dict:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from aircl_jax.algorithm.boxes.moments import LATER, first_weights, following, mean_features, next_weights, separating
+from aircl_jax.algorithm.boxes.moments import LATER_GAPS, first_weights, following, mean_features, next_weights, separating
 from aircl_jax.methods import get_method
 from aircl_jax.model.features import features
 from aircl_jax.settings.train_config import MomentConfig, TrainConfig
@@ -95,31 +95,45 @@ def test_the_reward_follows_the_gap_is_chosen_once_and_is_kept_while_the_policy_
     for step, (gap, begins, begun) in enumerate(
         zip(gaps, (NEVER, NEVER, ONCE, ONCE), (NEVER, NEVER, NEVER, ONCE), strict=True)
     ):
-        before, weights = weights, next_weights(weights, jnp.asarray(gap), jnp.asarray(step), begins, begun, config)
+        before, weights = weights, next_weights(weights, jnp.asarray(gap), jnp.asarray(step), begins, begun, ONCE, config)
         if step < 2:
             np.testing.assert_array_equal(weights.now, following(before.now, jnp.asarray(gap), jnp.asarray(step), config))
-    np.testing.assert_array_equal(weights.gaps, [*gaps[:3], *np.zeros((1 + LATER, 2))])
+    np.testing.assert_array_equal(weights.gaps, [*gaps[:3], *np.zeros((1 + LATER_GAPS, 2))])
     np.testing.assert_array_equal(weights.now, separating(jnp.asarray(gaps[:3]), jnp.zeros(2), config))
 
 
 def test_a_reward_by_which_the_policy_leaves_is_chosen_anew_by_what_it_then_was():
     """π was to the left at first, so "more to the right" separates; then it goes right for ever, and its square is left."""
     config = MomentConfig(norm=0.5, near=0.1, far=1.0, patience=3)
-    weights = first_weights(2, TrainConfig(feasibility_delay=1, moments=config))
-    seen = []
+    start = first_weights(2, TrainConfig(feasibility_delay=1, moments=config))
     gaps = ((1.5, -1.2), (1.5, -1.2), (-4.0, -4.5), (0.1, 0.1), (-4.0, -4.5), (-4.1, -4.5), (-4.2, -4.5), (-0.2, 0.0))
-    for step, gap in enumerate(gaps):
-        begins, begun = (ONCE if step >= first else NEVER for first in (1, 2))
-        weights = next_weights(weights, jnp.asarray(gap), jnp.asarray(step), begins, begun, config)
-        seen.append(np.asarray(weights.now))
+
+    def run(early):
+        weights, seen = start, []
+        for step, gap in enumerate(gaps):
+            begins, begun = (ONCE if step >= first else NEVER for first in (1, 2))
+            weights = next_weights(weights, jnp.asarray(gap), jnp.asarray(step), begins, begun, early, config)
+            seen.append(np.asarray(weights.now))
+        return weights, seen
+
+    weights, seen = run(ONCE)
     np.testing.assert_allclose(seen[1:6], [[0.5, 0.0]] * 5, atol=1e-6)  # three iterations in a row away make it
     np.testing.assert_allclose(seen[6:], [[0.0, -0.5]] * 2, atol=1e-6)
-    assert float(weights.away) == 0.0
+    assert (float(weights.away), float(weights.all_away), float(weights.rechosen)) == (0.0, 4.0, 1.0)
     kept = np.asarray(weights.gaps)
     np.testing.assert_allclose(kept[kept.any(axis=1)], [gaps[i] for i in (0, 1, 2, 4, 5, 6)])  # near it teaches nothing
-    number = int((np.abs(kept) > 0).any(axis=1).sum())
-    again = next_weights(weights, jnp.asarray((-4.0, -4.5)), jnp.asarray(6 + LATER), ONCE, ONCE, config)
-    assert int((np.abs(np.asarray(again.gaps)) > 0).any(axis=1).sum()) == number  # in the place of the oldest
+    late, seen = run(NEVER)
+    np.testing.assert_allclose(seen[1:], [[0.5, 0.0]] * 7, atol=1e-6)
+    assert float(late.rechosen) == 0.0
+
+
+def test_of_the_time_since_the_choice_the_last_gaps_are_kept():
+    config = MomentConfig(near=0.1, far=1.0, patience=1_000)
+    weights, step = first_weights(1, TrainConfig(feasibility_delay=0, moments=config)), jax.jit(next_weights, static_argnums=6)
+    for at in range(1, LATER_GAPS + 3):
+        weights = step(weights, jnp.array([1.0 + at]), jnp.asarray(at), ONCE, ONCE, ONCE, config)
+    kept = np.sort(np.asarray(weights.gaps)[1:, 0])
+    np.testing.assert_array_equal(kept, 1.0 + np.arange(3, LATER_GAPS + 3))
 
 
 def test_features_are_the_coordinates_and_half_their_bounded_squares():

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aircl_jax.algorithm.boxes.moments import LATER
+from aircl_jax.algorithm.boxes.moments import LATER_GAPS
 from aircl_jax.algorithm.evaluation import evaluate
 from aircl_jax.algorithm.rollout import rollouts
 from aircl_jax.algorithm.trainer import make_trainer
@@ -44,7 +44,7 @@ def test_the_gap_is_the_least_on_the_way_and_not_that_of_a_later_policy():
     trainer = make_trainer(env, METHOD, replace(CONFIG, feasibility_delay=3))
     state = trainer.init(jax.random.key(3), expert)
     weights = state.adversary_opt.weights
-    assert weights.gaps.shape[0] == 4 + LATER
+    assert weights.gaps.shape[0] == 4 + LATER_GAPS
     gaps = weights.gaps.at[0].set(jnp.array([0.9, -0.7])).at[1].set(jnp.array([-0.3, 0.4])).at[-1].set(0.1)
     state = state._replace(adversary_opt=state.adversary_opt._replace(weights=weights._replace(gaps=gaps)))
     measured = jax.jit(lambda: evaluate(trainer.networks, state, expert, expert), compiler_options=UNOPTIMISED)()

@@ -1,4 +1,4 @@
-"""No setting was chosen on these worlds: π stays with demonstrators who keep something where it is (docs/research.md)."""
+"""π stays with demonstrators who keep something in its place: `far` and `patience` were made on other seeds (research.md)."""
 
 import numpy as np
 import pytest
@@ -33,5 +33,4 @@ def test_a_reward_that_is_chosen_anew_where_the_policy_leaves_keeps_it_near(name
             print(f"  {measure}: {' '.join(f'{value:.3f}' for value in metrics[measure])}")
         gaps[what] = np.asarray(run.history["moment_gap"])[-LAST:].mean(axis=0)
         print(f"  gap of the means at the end: {' '.join(f'{value:.2f}' for value in gaps[what])}")
-    assert (gaps["anew"] > 1.0).sum() <= (gaps["once"] > 1.0).sum()
     assert (gaps["anew"] <= 1.0).sum() >= SEEDS - 1

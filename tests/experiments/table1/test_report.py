@@ -117,7 +117,7 @@ def test_the_iterations_and_fresh_seeds_of_the_contrast_row_are_said():
     assert (
         "`aircl_contrast` has its own iterations and fresh seeds, none on which its settings were chosen: gridworld 300 "
         "iterations, seeds 1000 to 1009; swimmer 300 iterations, seeds 140 to 149; walker 500 iterations, seeds 170 to 179; "
-        "pendulum 300 iterations, seeds 140 to 149."
+        "pendulum 300 iterations, seeds 130 to 139."
     ) in written()
     older = finished_cell("swimmer", seeds=2, rc_acc=[0.1, 0.2]) | {"method": "aircl_contrast", "seeds": [110, 111]}
     assert "; swimmer 300 iterations, seeds 110 to 111; walker 500 iterations, seeds 170 to 179; " in written(older)
