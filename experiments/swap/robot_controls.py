@@ -71,6 +71,7 @@ def cell(study: Study, env: str, method: str, name: str) -> Cell:
     folder = study.runs / env / f"{method}_{path.stem}"
     demonstrations = study.runs / env / f"{path.stem}.npz"
     if not demonstrations.exists():
+        demonstrations.parent.mkdir(parents=True, exist_ok=True)
         demonstrate(env, control, demonstrations)
     result = train(
         env, method, seeds=len(seeds), first_seed=seeds[0], demonstrations=demonstrations, run_dir=folder, resume=True
