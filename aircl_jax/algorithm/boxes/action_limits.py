@@ -98,9 +98,16 @@ def _outermost(coefficients: Coefficients, number: Array, expected: Array, great
 
 
 def _used(coefficients: Coefficients, number: Float[Array, " B"], expected: Float[Array, " B"]) -> Bool[Array, " B"]:
-    """Whether n/M is ϑ or more from each bin outwards; where too little is expected outwards, nothing is known."""
+    """Whether n/M is ϑ or more from each bin outwards; where too little is expected outwards, nothing is known.
+
+    No more than what lapses do counts for nothing: of all from a bin outwards less than ϑ of M, and in it not more than their
+    mean of each bin explains.
+    """
     up_to = jnp.cumsum(expected)
     end = jnp.searchsorted(up_to, up_to - expected + WINDOW)  # the first bin up to which M is that much
     known, end = end < BINS, jnp.minimum(end, BINS - 1)
     made, tempted = (jnp.cumsum(count)[end] - jnp.cumsum(count) + count for count in (number, expected))
-    return known & ((made + coefficients.pseudo_count) / (tempted + coefficients.pseudo_count) >= coefficients.threshold)
+    often = (made + coefficients.pseudo_count) / (tempted + coefficients.pseudo_count) >= coefficients.threshold
+    all_made, all_tempted, bins = (jnp.cumsum(count[::-1])[::-1] for count in (number, expected, jnp.ones(BINS)))
+    by_chance = number <= all_made / bins + 5.0 * jnp.sqrt(all_made / bins)  # in any of the bins
+    return known & often & ~(by_chance & (all_made <= coefficients.threshold * all_tempted))

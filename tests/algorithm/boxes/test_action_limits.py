@@ -118,6 +118,18 @@ def test_rare_lapses_hide_no_limit_and_frequent_ones_do(lapses, found):
     assert (abs(upper - 0.5) < 0.01) == found == (abs(lower + 0.5) < 0.01)
 
 
+@pytest.mark.parametrize("lapses", [0.01, 0.05])
+def test_lapses_hide_no_limit_where_a_tempted_policy_goes_to_the_end_of_its_box(lapses):
+    """In a bin between there are as many lapses as the twin would be there, but far fewer than it would be beyond."""
+    to_the_ends = np.full((1, BINS), 0.06 / BINS)
+    to_the_ends[0, [0, -1]] = 0.4
+    action = demonstrated(25_000, lapses=lapses)
+    lower, upper = drawn(action, to_the_ends)
+    assert (lower, upper) == (pytest.approx(-0.5, abs=0.012), pytest.approx(0.5, abs=0.012))
+    often = np.concatenate([action, np.random.default_rng(1).uniform(0.7, 0.72, (400, 1))])  # done here, if seldom
+    assert drawn(often, to_the_ends)[1] == pytest.approx(0.72, abs=0.012)
+
+
 def test_what_is_done_freely_has_no_limit():
     lower, upper = drawn(demonstrated(limit=1.0), EVENLY)
     assert (lower, upper) == (-UNLIMITED, UNLIMITED)
