@@ -114,7 +114,7 @@ def _of_twins(trainer: Trainer, state: Any, expert: Any) -> tuple[dict[str, Part
     def limits(state: Any, expert: Any, tempted: Any) -> Any:
         nets, contrast = networks.bind(state.params, state.obs_stats), state.adversary_opt
         share = twins.asked_of(practising.acting(nets, contrast.twin), expert, state.key)
-        met = twins.met_by(contrast, tempted, config, ALONE, expert.mask.sum())
+        met = twins.met_by(contrast, tempted, jnp.ones((), bool), config, ALONE, expert.mask.sum())
         return share, twins.limited(networks, contrast._replace(expected=share, met=met), state.obs_stats)
 
     def learn(state: Any, policy: Any) -> Any:
