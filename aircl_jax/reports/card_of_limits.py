@@ -81,19 +81,17 @@ def beyond(
     above = side == "above"
     if contrast.met is None:
         made, share, drawn = contrast.made, contrast.expected, np.zeros(1)
-        outermost = (made.greatest if above else made.least)[:, index]
-        edges, furthest = np.asarray(space.from_half_widths(EDGES))[None], space.from_half_widths(outermost)
+        middle, half = space.middle, space.half_width
     else:
         made, share, drawn = contrast.met.made, contrast.met.share, contrast.met.tempted[:, int(above), index]
         scale = scale_of(contrast.reach, result.spec.config.moments.margin)
-        outermost = (made.greatest if above else made.least)[:, index]
-        edges, furthest = (
-            np.asarray(scale.middle[:, index, None] + scale.half[:, index, None] * ends) for ends in (EDGES, outermost)
-        )
+        middle, half = scale.middle[:, index, None], scale.half[:, index, None]
+    outermost = (made.greatest if above else made.least)[:, index]
+    edges, furthest = (np.asarray(middle + half * ends) for ends in (EDGES[None], outermost))
     sign, limit = 1.0 if above else -1.0, limit[:, None]
     rounding = ROUNDING * (edges[:, -1:] - edges[:, :1])
     outside = sign * (edges[:, :-1] if above else edges[:, 1:]) >= sign * limit - rounding
-    exceeded = sign * np.asarray(furthest) > sign * limit + rounding
+    exceeded = sign * furthest > sign * limit + rounding
     done = np.asarray(made.number[:, index], float) * exceeded
     expected = np.asarray(share[:, index], float) * np.asarray(made.steps, float)[:, None] * outside
     return np.where(np.asarray(drawn) > 0, drawn, expected.sum(axis=1)), done.sum(axis=1)

@@ -100,8 +100,8 @@ def _outermost(coefficients: Coefficients, number: Array, expected: Array, great
 def _used(coefficients: Coefficients, number: Float[Array, " B"], expected: Float[Array, " B"]) -> Bool[Array, " B"]:
     """Whether n/M is ϑ or more from each bin outwards; where too little is expected outwards, nothing is known.
 
-    No more than what lapses do counts for nothing: of all from a bin outwards less than ϑ of M, and in it not more than their
-    mean of each bin explains.
+    A bin with no more than lapses explain is not used: from it outwards at most ϑ of all M was done, and in it not more than
+    chance makes of the mean of these bins.
     """
     up_to = jnp.cumsum(expected)
     end = jnp.searchsorted(up_to, up_to - expected + WINDOW)  # the first bin up to which M is that much
@@ -109,5 +109,5 @@ def _used(coefficients: Coefficients, number: Float[Array, " B"], expected: Floa
     made, tempted = (jnp.cumsum(count)[end] - jnp.cumsum(count) + count for count in (number, expected))
     often = (made + coefficients.pseudo_count) / (tempted + coefficients.pseudo_count) >= coefficients.threshold
     all_made, all_tempted, bins = (jnp.cumsum(count[::-1])[::-1] for count in (number, expected, jnp.ones(BINS)))
-    by_chance = number <= all_made / bins + 5.0 * jnp.sqrt(all_made / bins)  # in any of the bins
+    by_chance = number <= all_made / bins + 5.0 * jnp.sqrt(all_made / bins)  # five deviations: none of all bins by chance
     return known & often & ~(by_chance & (all_made <= coefficients.threshold * all_tempted))

@@ -63,7 +63,8 @@ def test_limits_of_states_are_looked_for_anew():
     kept, forgot = (ran(patience, "state") for patience in (100, PATIENCE))
     iterations = [[float(state.adversary_opt.met.iterations) for state in states] for states in (kept, forgot)]
     assert iterations == [[0, 0, 0, 0, 1, 2, 3], [0, 0, 0, 0, 1, 0, 1]]
-    made = Made(*(jnp.ones((2, BINS)),) * 3, jnp.asarray(9.0))  # pyright: ignore[reportCallIssue]
+    number = jnp.ones((2, BINS))
+    made = Made(number, number, number, jnp.asarray(9.0))
     ends = jnp.array([0.3, UNLIMITED])
     found = reset(Met(made, made.number, jnp.asarray(4.0), -ends, ends, jnp.ones((2, 2)), jnp.asarray(1.0)))
     assert found.made is made
